@@ -73,8 +73,6 @@ class Interactions(Protocol):
     fields: Sequence[Any] = ()
     #: distances and bodies that are held (`Constraints`), or None
     constraints: Any = None
-    #: particles without mass whose forces are other atoms' (`VirtualSites`), or None
-    virtual_sites: Any = None
     #: forces from outside whose laws are known (`OutsideForces`), or None
     acting: Any = None
     #: attributes of the output that say what it is, besides ``decomposition``, which is `describe`
@@ -91,11 +89,6 @@ class Interactions(Protocol):
     #: of a learned model that was made from a file: what made it (``nep``, ``mace`` ...), the file's name, and what it
     #: was told besides
     learned: tuple[str, str, Mapping[str, Any]] | None = None
-
-    @property
-    def needs_forces(self) -> bool:
-        """Whether some of its bonds follow from the forces of all others: those of constraints and virtual sites."""
-        return self.constraints is not None or self.virtual_sites is not None
 
     @property
     def local(self) -> Interactions:

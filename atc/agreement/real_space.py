@@ -88,7 +88,7 @@ def coulomb_doubt(frame, pot, threads: int = 1) -> CoulombDoubt | None:
     if not runs or not terms or not n:
         return None
     near = copy(pot)
-    near.constraints = near.virtual_sites = None
+    near.constraints = None
     near.terms = [
         Pairs(
             [_Bare(s) for s in coulomb_of([t])],

@@ -259,7 +259,6 @@ class Potential(Interactions):
     timestep : of the script's runs (internal), None where it is not known or there is no script
     setup : what the script says of atoms, see `complete`, or None
     constraints : `Constraints`, the distances and bodies that are held, or None
-    virtual_sites : `openmm.sites.VirtualSites`, particles whose forces are handed to other atoms, or None
     acting : `outside.OutsideForces` of the script, None where nothing says whether there are any
     moved : groups of the script that ``fix move`` moves
     """
@@ -337,8 +336,6 @@ class Potential(Interactions):
     def central(self) -> bool:
         """Whether all forces act along bonds: those of rigid bodies in a plane or on a line do not (see `settled`), nor
         do those of models that were learned."""
-        if self.virtual_sites is not None:
-            return False
         return all(t.central for t in self.terms) and (self.constraints is None or not self.constraints.across)
 
     def settled(self, frame: Frame) -> Potential:
@@ -500,7 +497,7 @@ class Potential(Interactions):
         if constraints is not None:
             frame = constraints.released(frame)
         # What constraints do depends on all other forces.
-        accs = [Accumulator(n, forces or self.needs_forces, energies, sources) for _ in range(threads)]
+        accs = [Accumulator(n, forces or constraints is not None, energies, sources) for _ in range(threads)]
 
         def lane(term, work, stage, t):
             acc = accs[t]
@@ -535,13 +532,6 @@ class Potential(Interactions):
             if pool is not None:
                 pool.shutdown()
         held = None
-        if self.virtual_sites is not None and n:
-            bonds = self.virtual_sites.spread(frame, sum(a.forces for a in accs))
-            accs[0].add_bonds(bonds)
-            if sources:
-                bonds.D_bdc = two_body_sources(bonds)  # no energy; the power of their forces
-            if consume is not None:
-                consume(bonds, 0)
         if constraints is not None and n:
             inner = sum(a.forces for a in accs)
             known = self.acting is not None and self.acting.laws and self.acting.known

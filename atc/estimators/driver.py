@@ -283,8 +283,8 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     work, settings, strongest, fields = run.work, run.settings, before.strongest, before.fields
     whole = settings.tiles is None
     bonds_alone = replace(settings, pot=settings.pot.local)
-    # Fields' energies and forces cost as much as their modes. Those of constraints and virtual sites depend on them.
-    of_bonds = settings if work.beyond_bonds or settings.pot.needs_forces else bonds_alone
+    # Fields' energies and forces cost as much as their modes. Those of constraints depend on them.
+    of_bonds = settings if work.beyond_bonds or settings.pot.constraints is not None else bonds_alone
     deposit = here.grid.open(work.n_bond) if work.bond and whole else None
     seek = watch and strongest is None
     each, found = [], []

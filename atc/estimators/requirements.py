@@ -56,7 +56,7 @@ def require_directed(pot, work: Work) -> None:
         )
     # Forces across the bonds of a rigid body belong to no energy of an atom, those of a body's bonds to none that is
     # known.
-    if work.source_users and (pot.needs_forces or not pot.terms):
+    if work.source_users and (pot.constraints is not None or not pot.terms):
         raise AtcError(
             f"{', '.join(work.source_users)}: the forces of {pot.describe()} do not act along bonds, and which atom's "
             "energy they belong to is not known: ask for the stress"

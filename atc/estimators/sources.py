@@ -87,8 +87,7 @@ class AtomFactors:
     def _degrees(self):
         constraints = None if self.pot is None else self.pot.constraints
         if constraints is None:
-            massless = self.pot is not None and self.pot.virtual_sites is not None
-            return (self.frame.masses > 0.0)[:, None].astype(float) if massless else self._one()
+            return self._one()
         return constraints.degrees(self.pot.complete(self.frame))[:, None] / self.frame.dimension
 
     def _mass(self):

@@ -58,11 +58,6 @@ def refuse(frame, work: Work, pot) -> None:
             f"tiles: the forces of {pot.constraints.describe()} depend on all forces on a molecule, which a tile does "
             "not have: leave tiles out"
         )
-    if pot.virtual_sites is not None:
-        raise AtcError(
-            "tiles: the forces of virtual sites depend on all forces on them, which a tile does not have: leave tiles "
-            "out"
-        )
 
 
 def tile_sums(tile: Tile, task: Task) -> TileShare:

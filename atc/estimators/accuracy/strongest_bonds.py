@@ -394,9 +394,9 @@ class PointsAround:
         """(h, k) the named sums over the bonds of a frame that count, exactly. kept : what gives them again, or
         None."""
         widths = [BOND[name].width for name in names]
-        # Fields have no bonds: `field_pass` adds them. But forces of constraints and virtual sites depend on theirs.
+        # Fields have no bonds: `field_pass` adds them. But the forces of constraints depend on theirs.
         pot, threads = self.settings.pot, self.settings.threads
-        if not pot.needs_forces:
+        if pot.constraints is None:
             pot = pot.local
         few = None if kept else self._cluster(frame, pot, self.place.check_kern.support)
         context, deposits, anchor = nullcontext(), self.check.deposits, self.settings.anchor
@@ -431,7 +431,7 @@ class PointsAround:
         from ..tile_cuts import depth
 
         across = not all(t.central or t.edges for t in pot.terms)
-        if frame.topology or pot.needs_forces or not pot.terms or across:
+        if frame.topology or pot.constraints is not None or not pot.terms or across:
             return None
         try:
             deep = depth(pot)
