@@ -91,6 +91,7 @@ def check(
         pot, free = pot.settled(frame), pot.constrained(None)
     if not len(frame):
         raise AtcError(f"{frame.source}: holds no atoms: there is nothing to check")
+    frame = pot.carriers(frame)  # with virtual sites, which have energies
     kern_in = kernel_internal(kern, frame.units)
     if pot.fields and not kern_in.analytic:
         raise AtcError(
@@ -210,7 +211,7 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     near = {0: frame}
     for m in (1, 2, 4):
         if k - m >= 0 and k + m < len(traj):
-            near[m], near[-m] = traj[k + m], traj[k - m]
+            near[m], near[-m] = pot.carriers(traj[k + m]), pot.carriers(traj[k - m])
     times = {m: _time(f, timestep, u) for m, f in near.items()}
     if any(t is None for t in times.values()):
         return None, (

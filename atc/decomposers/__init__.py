@@ -32,6 +32,7 @@ _STYLES = {
     "soft_core": "LennardJonesSoft Class2Soft CoulombSoft MorseSoft",
     "with_coulomb": "",
     "coulomb_long": "CoulombLong",
+    "tip4p": "TIP4P",
     "lepton": "",
     "pair_list": "ListedPairs",
     "stillinger_weber": "StillingerWeber StillingerWeberMod",
@@ -92,6 +93,7 @@ _OTHERS = {
     "tersoff_file": "TersoffEntry",
     "many_body": "ManyBody",
     "constraints": "Constraints",
+    "virtual_sites": "VirtualSites",
     "constraint_rules": "HeldPairs HydrogenBonds RigidMolecules Shake",
 }
 _WHERE = {name: module for module, names in (_STYLES | _OTHERS).items() for name in names.split()}

@@ -50,6 +50,8 @@ class PairStyle:
     own_special: tuple = ()
     #: what a CHARMM torsion needs for the pairs at its ends (`one_four.OneFour`)
     one_four = None
+    #: of charges that sit on virtual sites: which (`tip4p.TIP4PLine`)
+    water = None
     #: whether it acts on spins
     magnetic = False
     #: what its energies are multiplied by
@@ -224,7 +226,7 @@ class _PairWork(Work):
             if e is not None:
                 acc.energy += float(e.sum())
                 if acc.energies is not None:
-                    acc.energies += e
+                    acc.energies[: len(e)] += e
 
     def _bad(self, i, j, d) -> AtcError:
         frame = self.frame

@@ -208,7 +208,7 @@ def _passes(work: Work, job: Job) -> list[str]:
         frame = pot.complete(job.first)
         for n, term in enumerate(sums.terms):
             on = sums.layout(n, frame)
-            what = "Coulomb" if term.carries else "dispersion"
+            what = "Coulomb" if term.prefix == "coulomb" else "dispersion"
             out.append(f"long-range {what} by its modes: {on.describe()}, {on.transforms} transforms")
     if work.summed_site:
         terms, components = ", ".join(_TERMS.get(s) or s.removeprefix("column:") for s in work.site), work.n_site

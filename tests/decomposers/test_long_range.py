@@ -341,7 +341,7 @@ REFUSED = {
         "pair_style coul/long 5\npair_coeff * *\nkspace_style scafacos p3m 1e-4",
         "kspace_style scafacos is not supported",
     ),
-    "tip4p": ("pair_style coul/long 5\npair_coeff * *\nkspace_style pppm/tip4p 1e-4", "virtual site"),
+    "tip4p": ("pair_style coul/long 5\npair_coeff * *\nkspace_style pppm/tip4p 1e-4", "only with them"),
     "zero": ("pair_style coul/long 5\npair_coeff * *\nkspace_style zero 1e-4", "kspace_style zero is not supported"),
     "no kspace": ("pair_style coul/long 5\npair_coeff * *", "add the kspace_style line"),
     "no pair": (

@@ -146,12 +146,16 @@ class Products:
             self._add_slab(modes, E0)
         return modes
 
+    def _pick(self):
+        """The places of the products' modes among those of the charges."""
+        at = [np.searchsorted(np.sort(i), q) for i, q in zip(self.index, self.q_index)]
+        order = [np.argsort(i) for i in self.index]
+        return np.ix_(*(o[a] for o, a in zip(order, at)))
+
     def _add_slab(self, modes, E0):
         """The slab's uniform field with the charges' own, and with itself."""
         m0, m1, m2 = (len(i) for i in self.q_index)
-        at = [np.searchsorted(np.sort(i), q) for i, q in zip(self.index, self.q_index)]
-        order = [np.argsort(i) for i in self.index]
-        pick = np.ix_(*(o[a] for o, a in zip(order, at)))
+        pick = self._pick()
         k_c = wave_vectors(self.q_index, self.vectors)
         E = [-1j * k * self.potential[pick] * self.rho[pick] for k in k_c]
         for c, (a, b) in enumerate(PAIRS):
@@ -169,11 +173,6 @@ class Products:
     # --- energy current
     def current(self, v_nc) -> np.ndarray:
         """(3, q0, q1, q2) A for charges that move with v (n, 3)."""
-        if self.term.slab is not None:
-            raise AtcError(
-                "the energy current of a slab correction (kspace_modify slab) is not supported: leave out heat flux "
-                "and energy flux"
-            )
         J = self.transform.modes(self.frame.positions, self.frame.charges[:, None] * v_nc).astype(self.complex)
         mean = J[:, 0, 0, 0].real.copy()
         J[:, 0, 0, 0] = 0.0
@@ -206,7 +205,43 @@ class Products:
         Phi = self._real(U * self._smear(2.0) * self.rho)
         for out, m in zip(A, mean):
             out += float(0.5 * m / self.volume) * Phi
-        return np.stack([self._modes(out) for out in A])
+        modes = np.stack([self._modes(out) for out in A])
+        if self.term.slab is not None:
+            self._add_slab_current(modes, J, v_nc)
+        return modes
+
+    def _add_slab_current(self, modes, J, v_nc):
+        """The slab's potential Φ_s = −E₀ z + const with the charges' own, and with itself, in the way of `current`.
+
+        Its vector potential is that of every charge, −(2πC/V)(z − z_j)² q_j v_j. What is left of it where the charges
+        have a current along z, which would grow with z, is ½ ∂E₀/∂t Σ q_j z_j in ∇·A; it is given the potential flow
+        that has this divergence. Charges that all move alike have A = −σ·v, as they must.
+        """
+        from .ewald import Sheet
+
+        q_n, x_nc = self.frame.charges, self.frame.positions
+        sheet = Sheet(q_n, x_nc[:, 2], self.term.split.constant, self.volume)
+        pick = self._pick()
+        Q_c = wave_vectors(self.q_index, self.vectors)
+        U = self.potential[pick] / self.c
+        E0, rate = -sheet.k * sheet.M, -sheet.k * float(q_n @ v_nc[:, 2])
+        W = [U * j[pick] for j in J]
+        slope = [1j * Q * U * self.rho[pick] for Q in Q_c]
+        # E₀ ẑ × (∇×W) + E₀ (∇·W) ẑ = E₀ (∂_x W_z ... ): by components.
+        div = sum(1j * Q * w for Q, w in zip(Q_c, W))
+        for a in (0, 1):
+            modes[a] += 0.5 * E0 * 1j * (Q_c[a] * W[2] - Q_c[2] * W[a])
+        modes[2] += 0.5 * E0 * div
+        # −∇Φ×(ẑ×P) − P_z ∇Φ, P = (4πC/V) Σ q z v.
+        P = sheet.k * ((q_n * sheet.z_n) @ v_nc)
+        along = sum(P[a] * slope[a] for a in range(3))
+        for a in range(3):
+            modes[a] += 0.5 * (P[a] * slope[2] - (along if a == 2 else 0.0) - P[2] * slope[a])
+        z = self.transform.modes(x_nc, (q_n * sheet.z_n)[:, None])[0][pick]
+        for a in range(3):
+            modes[a] -= 0.5 * rate * 1j * Q_c[a] * U * z
+        w_n6 = sheet.virials_n6()
+        modes[:, 0, 0, 0] -= np.einsum("nc,nc->c", w_n6[:, :3], v_nc)
 
 
 def mesh_of(vectors, split, largest_q, tolerance, wide=1.0, itemsize=8):

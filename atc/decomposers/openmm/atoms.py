@@ -80,7 +80,7 @@ class Particles:
     masses, charges : (n,) internal. kinds : (n,) rows of the pair tables, from 1
     exclusions : (m, 2) pairs without pair interaction
     periodic : whether the model is periodic
-    sites : `sites.VirtualSites` or None
+    sites : `sites.SystemSites` or None
     """
 
     name: str

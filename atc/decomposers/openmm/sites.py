@@ -1,8 +1,6 @@
-"""Virtual sites: particles without mass whose place follows from other atoms, and whose force is theirs.
+"""Virtual sites of a System, as a rule of `virtual_sites`: means of atoms, and places in frames that atoms span.
 
-A site at p(x_1, .., x_K) hands its force F on, f_k = (∂p/∂x_k)ᵀ F. No function of distances does this: each share goes
-to its atom as a bond from the site with a force that does not act along it. The shares add up to F, and their moment
-about the site is zero, so that the stress is symmetric over the molecule, and not within it.
+A site at p(x_1, .., x_K) hands its force F on by virtual work, (∂p/∂x_k)ᵀ F to each atom.
 """
 
 from __future__ import annotations
@@ -11,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...bonds import Bonds
 from ...errors import AtcError
 from ..bonded import Images
+from ..virtual_sites import Places
 from .formulas import OPENMM, _number
 
 #: Of complex steps, whose derivatives have no rounding of differences.
@@ -45,6 +43,13 @@ class _Group:
         px, py, pz = (w[:, 3 * k + c : 3 * k + c + 1] for c in range(3))
         return origin + px * x + py * np.cross(z, x) + pz * z
 
+    def weights(self):
+        """(m, k) shares of the atoms in what a site has; they add up to 1."""
+        w = self.numbers
+        if self.kind == "plane":
+            return np.stack([1.0 - w[:, 0] - w[:, 1], w[:, 0], w[:, 1]], axis=1)
+        return w[:, : self.atoms_mk.shape[1]]
+
     def slopes(self, r_mkc):
         """(m, k, 3, 3) ∂p_b/∂x_ka, indices k, a, b; those of all atoms of a site add up to 1."""
         m, k, _ = r_mkc.shape
@@ -59,8 +64,8 @@ class _Group:
 
 
 @dataclass
-class VirtualSites:
-    """All of a System."""
+class SystemSites:
+    """All of a System; a rule of `virtual_sites.VirtualSites`."""
 
     groups: list
 
@@ -69,10 +74,7 @@ class VirtualSites:
         return sum(len(g.site_m) for g in self.groups)
 
     def describe(self) -> str:
-        return (
-            f"{self.count} virtual sites, whose forces go to their atoms by forces across bonds: the stress is "
-            "symmetric over a molecule, not within it"
-        )
+        return f"{self.count} of the System"
 
     def _relative(self, frame, g):
         """(m, k, 3) places of a group's atoms relative to the first, by the closest images."""
@@ -96,21 +98,24 @@ class VirtualSites:
                 v[g.site_m] = np.einsum("mkab,mka->mb", g.slopes(r), v[g.atoms_mk])
         return frame.replace(positions=x, velocities=v, forces=F)
 
-    def spread(self, frame, F_nc) -> Bonds:
-        """What hands the forces F on the sites to their atoms."""
+    def places(self, frame) -> Places:
+        """The sites among the atoms of a frame, and how they follow their parents."""
+        most = max(g.atoms_mk.shape[1] for g in self.groups)
         parts = []
         for g in self.groups:
-            r = self._relative(frame, g)
-            f = np.einsum("mkab,mb->mka", g.slopes(r), F_nc[g.site_m])
-            lever = r - g.place(r)[:, None]
             m, k = g.atoms_mk.shape
-            i, j = g.atoms_mk.ravel().astype(np.int32), np.repeat(g.site_m, k).astype(np.int32)
-            parts.append(Bonds(i, j, lever.reshape(-1, 3), np.zeros(m * k), F_bc=f.reshape(-1, 3)))
-        return Bonds.concatenate(parts)
+            # Atoms without a share make up the number.
+            atoms = np.concatenate([g.atoms_mk, np.repeat(g.atoms_mk[:, :1], most - k, axis=1)], axis=1)
+            weights, slopes = np.zeros((m, most)), np.zeros((m, most, 3, 3))
+            weights[:, :k] = g.weights()
+            slopes[:, :k] = g.slopes(self._relative(frame, g)).swapaxes(2, 3)
+            parts.append((g.site_m, atoms, weights, slopes))
+        site, atoms, weights, slopes = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Places(atoms, weights, atoms[:, 0], inside_s=site, jacobians_skcc=slopes)
 
 
 def sites_of(system, name: str):
-    """`VirtualSites` of a System, None without. Raises AtcError for kinds that are not mapped, and sites of sites."""
+    """`SystemSites` of a System, None without. Raises AtcError for kinds that are not mapped, and sites of sites."""
     found: dict[tuple, list] = {}
     sites = [n for n in range(system.getNumParticles()) if system.isVirtualSite(n)]
     for n in sites:
@@ -136,4 +141,4 @@ def sites_of(system, name: str):
     groups = [
         _Group(kind, *(np.array(column) for column in zip(*rows, strict=True))) for (kind, _), rows in found.items()
     ]
-    return VirtualSites(groups) if groups else None
+    return SystemSites(groups) if groups else None

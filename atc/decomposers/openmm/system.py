@@ -8,6 +8,7 @@ from ...errors import AtcError
 from ...units import units
 from ..base import Potential
 from ..constraints import Constraints
+from ..virtual_sites import VirtualSites
 from .atoms import Particles, SystemConstraints
 from .bonded import BONDED
 from .formulas import _number
@@ -60,9 +61,8 @@ def potential_of(system, name: str, switching: str | None = None) -> Potential:
     pot.setup = Particles(
         name, masses, pairs.charges * u.charge, pairs.kinds, pairs.exclusions, periodic, sites_of(system, name)
     )
-    pot.virtual_sites = pot.setup.sites
-    if pot.virtual_sites is not None:
-        remarks.append(pot.virtual_sites.describe())
+    if pot.setup.sites is not None:
+        pot.sites = VirtualSites(pot.setup.sites)
     pot.remarks = (*pot.setup.remarks(), *remarks, *_tail_remark(pairs.tail, u))
     pot.constraints = _constraints(system, name, masses)
     return pot
