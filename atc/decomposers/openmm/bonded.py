@@ -134,7 +134,10 @@ def _custom(force, name, cls, variable, per, count, parameters, width):
     formula, names = formula_of(force, name, variable, per)
     rows = [getattr(force, parameters)(k) for k in range(number)]
     types, values = _types(np.array([[_number(v) for v in r[width]] for r in rows]).reshape(number, -1))
-    term = cls(formula, {n: values[:, k] for k, n in enumerate(names)}, len(values))
+    try:
+        term = cls(formula, {n: values[:, k] for k, n in enumerate(names)}, len(values))
+    except AtcError as e:
+        raise AtcError(f"{name}: {type(force).__name__}: {force.getEnergyFunction()!r}: {e}") from None
     if term.refused and set(term.refused) & set(np.unique(types)):
         t = min(term.refused)
         raise AtcError(f"{name}: {type(force).__name__}: {force.getEnergyFunction()!r}: {term.refused[t]}")
