@@ -597,3 +597,20 @@ def test_a_prmtop_is_the_topology_of_its_trajectory(tmp_path):
     )
     ds = scene.run()
     assert float(ds.density.mean()) > 0 and np.isfinite(ds.stress_potential).all()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_example_of_the_page(tmp_path, monkeypatch):
+    """docs/other_codes.md, its run and its scene; constraint forces are as good as it says."""
+    import re
+    from pathlib import Path
+
+    page = (Path(__file__).parents[2] / "docs" / "other_codes.md").read_text()
+    monkeypatch.chdir(tmp_path)
+    exec(re.search(r"^```python\n(import MDAnalysis.*?)^```", page, re.M | re.S)[1], {})
+    (tmp_path / "scene.toml").write_text(re.search(r"^```toml\n(\[trajectory\].*?)^```", page, re.M | re.S)[1])
+    ds = atc.Scene.load(tmp_path / "scene.toml", ["grid.shape=[2, 2, 2]", "trajectory.frames=1"]).run()
+    assert ds.attrs["constraint_source"] == "step" and ds.attrs["constraint_error"] < 3e-6
+    assert np.isfinite(ds.stress).all() and 0.9 < float(ds.density.mean()) / 0.602 < 1.1
+    # the kinetic energy of rotation and translation alone: six degrees of freedom a molecule
+    assert 150 < float(ds.temperature.mean()) < 450
