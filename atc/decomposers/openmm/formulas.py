@@ -59,12 +59,20 @@ class Table:
 
 
 def _number(value) -> float:
-    """A number, or a Quantity of OpenMM in its own unit system."""
-    if hasattr(value, "value_in_unit_system"):
+    """A number, or a Quantity of OpenMM in its own unit system (nm, ps, amu, kJ/mol, e, radian)."""
+    u = getattr(value, "unit", None)
+    if u is None:
+        return float(value)
+    known = _FACTORS.get(id(u))
+    if known is None:
         from openmm import unit
 
-        return float(value.value_in_unit_system(unit.md_unit_system))
-    return float(value)
+        _FACTORS[id(u)] = known = u, float((1.0 * u).value_in_unit_system(unit.md_unit_system))
+    return float(value._value) * known[1]
+
+
+#: {id: (unit, its size)} of units that were met: there are many numbers, and few units.
+_FACTORS: dict[int, tuple] = {}
 
 
 class SystemFormula(LeptonFormula):
