@@ -330,6 +330,31 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "nequip": Key(_string, 'the file of a NequIP or Allegro model, e.g. "my.nequip.zip"', path=True),
         "kim": Key(_string, 'a model of the KIM archive, e.g. "SW_StillingerWeber_1985_Si__MO_405512056662_005"'),
         "metatomic": Key(_string, 'the file of a model exported by metatomic, e.g. "model.pt"', path=True),
+        "openmm": Key(_string, 'the XML file of a System of OpenMM, e.g. "system.xml"', path=True),
+        "prmtop": Key(_string, 'a parameter and topology file of AMBER, e.g. "complex.prmtop"', path=True),
+        "psf": Key(_string, 'a structure file of CHARMM or NAMD, e.g. "step5.psf", with parameters', path=True),
+        "top": Key(_string, 'a topology of GROMACS, e.g. "topol.top"', path=True),
+        "parameters": Key(
+            _either(_string, _list_of(_string)),
+            'the CHARMM files of a psf, e.g. ["par_all36_prot.prm", "top_all36_prot.rtf"]',
+            path=True,
+        ),
+        "method": Key(
+            _choice(["NoCutoff", "CutoffNonPeriodic", "CutoffPeriodic", "Ewald", "PME", "LJPME"]),
+            'how the run summed nonbonded forces, e.g. "PME"',
+        ),
+        "cutoff": Key(_positive, "the cutoff of the run in angstrom, e.g. 9.0"),
+        "switch": Key(_positive, "where Lennard-Jones forces begin to end, in angstrom, e.g. 8.0"),
+        "switching": Key(
+            _choice(["potential-switch", "force-switch", "vfswitch"]),
+            'how Lennard-Jones forces end: "potential-switch", "force-switch" (GROMACS) or "vfswitch" (CHARMM)',
+        ),
+        "constraints": Key(
+            _choice(["none", "hbonds", "allbonds", "hangles"]), 'which bonds the run held, e.g. "hbonds"'
+        ),
+        "rigid_water": Key(_boolean, "whether the run held water rigid: true or false"),
+        "defines": Key(_list_of(_string), 'names that GROMACS\'s preprocessor knows, e.g. ["POSRES"]'),
+        "include": Key(_string, "the folder of GROMACS's force fields", path=True),
         "head": Key(_string, 'which head of a MACE model, e.g. "Default"'),
         "stress": Key(
             _choice(["edge", "central"]), 'how a learned model of one hop gives its stress: "edge" or "central"'
