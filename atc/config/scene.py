@@ -63,6 +63,8 @@ class Scene(Document):
     _lines: dict = field(default_factory=dict, repr=False, compare=False)
     _flags: dict = field(default_factory=dict, repr=False, compare=False)
     _text: str = field(default="", repr=False, compare=False)
+    #: (what it was made from, potential), the last one read
+    _made: tuple = field(default=(None, None), repr=False, compare=False)
 
     # ---- making one
 
@@ -470,7 +472,7 @@ class Scene(Document):
             options["include"] = self.path("potential", "include")
         path = self.path("potential", kind)
         key = (path, str(options))
-        if getattr(self, "_made", (None,))[0] != key:
+        if self._made[0] != key:
             try:
                 self._made = (key, potential_from_openmm(path, kind, **options))
             except AtcError as e:
@@ -483,7 +485,7 @@ class Scene(Document):
 
         run, files = self.get("potential", "run"), self._files()
         key = (path, units, run, str(files))
-        if getattr(self, "_made", (None,))[0] != key:
+        if self._made[0] != key:
             files = files if isinstance(files, list) else [files]
             self._made = (key, potential(path, units=units, run=run, trajectory=files))
         return self._made[1]
