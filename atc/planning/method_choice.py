@@ -36,8 +36,9 @@ SEARCH, WATCH = (3e-3, 0.02), (0.028, 5e-8, 0.15)
 #: busy machines spreading on large meshes took three times as long as foreseen), and a looser tolerance must never be
 #: dearer than the exact sum.
 WORTH = 0.6
-#: CPU seconds of a forecast beside the forces: whatever the frame, and for each bond; how many methods it looks at.
-FORECAST, LOOKS = (6e-3, 2e-8), 2
+#: CPU seconds of a forecast beside the forces: whatever the frame, and for each bond; how many methods it looks at;
+#: how many times that it must promise to save.
+FORECAST, LOOKS, GAIN = (6e-3, 2e-8), 2, 1.2
 #: Bytes that meshes may take.
 MOST_MEMORY = 4e9
 
@@ -326,7 +327,7 @@ def _start(tolerance, ways, exact, allowed, look) -> tuple[float, float]:
         tight = exact
     seconds = look.seconds + LOOKS * ways.cost_of_look(ladder[0])
     each = seconds / look.n_frames
-    if tight - loosest < 1.5 * seconds or loosest + each >= allowed:
+    if tight - loosest < GAIN * seconds or loosest + each >= allowed:
         return tolerance, 0.0
     forecast, at_most = look.make(), ladder[0]
     for t in [*ladder, tolerance]:
