@@ -195,6 +195,14 @@ def test_shaken_water_by_its_script(tmp_path, box):
     np.testing.assert_allclose(found, -voigt_to_tensor(p6), rtol=0, atol=1e-6 * 14000.0 * 9)
     assert ds.attrs["constraint_source"] == "forces" and ds.attrs["constraint_error"] < 1e-5
     assert "virtual sites" in ds.attrs["decomposition"]
+    from atc.agreement.forces import compare_forces
+    from atc.analysis.check import check
+
+    assert compare_forces(traj[-1], pot).agrees
+    report = check(traj, pot, GAUSS, points=1)
+    assert report.ok, report.verdict
+    for law in ("momentum", "energy"):
+        assert report.data["laws"][law]["fields"]["residual"] < 1e-9, report.data["laws"]
 
 
 def test_what_is_refused_is_named(box, long):
