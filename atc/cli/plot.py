@@ -96,6 +96,16 @@ def plot(
             show_default=False,
         ),
     ] = None,
+    movie: Annotated[
+        Path | None,
+        typer.Option(
+            "--movie",
+            metavar="FILE",
+            help="All frames instead of one, with one scale: .gif or .mp4 (which needs ffmpeg).",
+            show_default=False,
+        ),
+    ] = None,
+    rate: Annotated[float, typer.Option("--rate", metavar="N", help="Frames a second of the movie.")] = 5.0,
     overlay: Annotated[
         Path | None,
         typer.Option(
@@ -113,24 +123,26 @@ def plot(
     from ..config.scene import Scene
     from ..pictures import plotting
 
-    path = plotting.plot_file(
-        out,
-        quantity,
-        component=component,
-        slice=slice,
-        axis=axis,
-        index=index,
-        frame=frame,
-        limits=_parse_limits(limits),
-        robust=robust,
-        output=output,
-        species=species,
-        units=units,
-        arrows=arrows,
-        streamlines=streamlines,
-        principal=principal,
-        overlay=None if overlay is None else Scene.load(overlay).trajectory(),
-    )
+    options = {
+        "component": component,
+        "slice": slice,
+        "axis": axis,
+        "index": index,
+        "limits": _parse_limits(limits),
+        "robust": robust,
+        "species": species,
+        "units": units,
+        "arrows": arrows,
+        "streamlines": streamlines,
+        "principal": principal,
+        "overlay": None if overlay is None else Scene.load(overlay).trajectory(),
+    }
+    if movie is not None:
+        if output is not None:
+            raise AtcError("--output and --movie: a picture or a movie, not both")
+        path = plotting.movie_file(out, movie, quantity, rate=rate, **options)
+    else:
+        path = plotting.plot_file(out, quantity, frame=frame, output=output, **options)
     if not quiet:
         print(path)
 

@@ -227,13 +227,13 @@ class Scene(Document):
         quantities = self.get("fields", "quantities")
         if quantities is None:
             raise self.need("fields", 'it needs quantities, what to compute, e.g. quantities = ["stress", "density"]')
-        work = Work.of(quantities)
+        work = Work.of(quantities, kernel=self.get("grid", "kind") != "planes")
         if work.bond_users and "potential" not in self.data:
             raise self.need(
                 "potential",
                 f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"',
             )
-        if work.kernel_users and "kernel" not in self.data:
+        if work.kernel_users and "kernel" not in self.data and not self.get("grid", "means"):
             raise self.need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
         if work.grid_users and "grid" not in self.data:
             raise self.need("grid", f'{work.grid_users[0]} needs one, e.g. kind = "regular" and spacing = 2.0')
@@ -482,6 +482,8 @@ class Scene(Document):
         if kind == "points":
             xyz = table["points"]
             table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
+        if kind == "planes" and self.get("trajectory", "timestep") is not None:
+            table.setdefault("interval", self.get("trajectory", "timestep"))
         try:
             made = getattr(Grid, kind)(**table)
             return made if follow is None else made.following(follow)

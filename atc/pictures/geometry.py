@@ -23,6 +23,8 @@ _TEX = {
 
 #: How the name of a field's standard error ends.
 STDERR = "_stderr"
+#: Kinds of places that are drawn as curves.
+PROFILES = ("line", "slab", "planes")
 
 
 def unit_text(units: str) -> str:
@@ -57,7 +59,7 @@ class Places:
 
     Attributes
     ----------
-    kind : ``volume``, ``plane``, ``line``, ``slab``, ``points`` or ``atoms``
+    kind : ``volume``, ``plane``, ``line``, ``slab``, ``planes``, ``points`` or ``atoms``
     dims : the grid's dimensions, in the order of `x_gc`
     x_gc : (*shape, 3) the points
     steps : (dims, 3) from one point to the next
@@ -71,7 +73,7 @@ class Places:
         self.edges = edges
         self.steps = steps
         self.thickness = np.inf
-        if self.steps is None and kind in ("volume", "plane", "line", "slab"):
+        if self.steps is None and kind in ("volume", "plane", *PROFILES):
             self.steps = np.array([self._step(k) for k in range(len(self.dims))])
 
     def _step(self, k):
@@ -270,9 +272,9 @@ def points_of_grid(ds, da) -> Places:
     )
     if dims[0] in ("point", "atom"):
         return Places("points" if dims[0] == "point" else "atoms", dims, x, unit)
-    kind = {3: "volume", 2: "plane"}.get(len(dims)) or (
-        "slab" if str(ds.attrs.get("grid", "")).startswith("slab") else "line"
-    )
+    grid = str(ds.attrs.get("grid", ""))
+    profile = "slab" if grid.startswith("slab") else "planes" if grid.startswith("planes") else "line"
+    kind = {3: "volume", 2: "plane"}.get(len(dims)) or profile
     edges = {"x": "a", "y": "b", "z": "c", "s": "the line"}
     out = Places(kind, dims, x, unit, edges=[edges.get(d, d) for d in dims])
     out.tiles = _tiles(ds, out)

@@ -64,6 +64,10 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     def moving(name, dims, shape, dtype, coordinate=False, **attrs):
         variables.append(Variable(name, tuple(dims), tuple(shape), dtype, attrs, coordinate=coordinate))
 
+    # The first coordinates are those that xarray's pictures name in their titles: which component it is.
+    static("i", ("i",), letters, long_name="direction of a vector; first index of a tensor")
+    if any(q.rank == 2 for q in work.quantities):
+        static("j", ("j",), letters, long_name="second index of a tensor")
     first_of = "first frame of the window" if job.request.average is not False else "frame"
     static(
         "frame",
@@ -73,14 +77,11 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     )
     moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
     moving("time", (), (), f8, True, units=u.label("time"), long_name=f"time of the {first_of}")
-    xyz = "cartesian" if axes else "i"
-    if axes:
-        static(xyz, (xyz,), cartesian, long_name="direction of the cell's vectors")
+    # Not along i, so that they are no coordinates of one component of a field.
+    xyz = "cartesian"
+    static(xyz, (xyz,), cartesian, long_name="direction of the cell's vectors")
     moving("cell", ("edge", xyz), (3, 3), f8, True, units=u.label("length"), long_name="edge vectors of the cell")
     moving("cell_origin", (xyz,), (3,), f8, True, units=u.label("length"), long_name="origin of the cell")
-    static("i", ("i",), letters, long_name="direction of a vector; first index of a tensor")
-    if any(q.rank == 2 for q in work.quantities):
-        static("j", ("j",), letters, long_name="second index of a tensor")
     if any(q.kind == "atom" for q in work.quantities):
         static("atom", ("atom",), frame.ids.astype(i8), long_name="atom id")
     apart: tuple[str, ...] = ()

@@ -22,6 +22,7 @@ from math import pi, sqrt
 import numpy as np
 
 from ...errors import AtcError
+from .sheet import Sheet
 from .transform import Transform, box_modes, good_length, largest_of, wave_vectors
 
 # Components of symmetric tensors.
@@ -219,8 +220,6 @@ class Products:
         have a current along z, which would grow with z, is ½ ∂E₀/∂t Σ q_j z_j in ∇·A; it is given the potential flow
         that has this divergence. Charges that all move alike have A = −σ·v, as they must.
         """
-        from .ewald import Sheet
-
         q_n, x_nc = self.frame.charges, self.frame.positions
         sheet = Sheet(q_n, x_nc[:, 2], self.term.split.constant, self.volume)
         pick = self._pick()
