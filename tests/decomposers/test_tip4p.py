@@ -222,13 +222,16 @@ def test_what_is_refused_is_named(box, long):
     with pytest.raises(AtcError, match="atom 1 is the oxygen .* atoms 2 and 3 are not its hydrogens"):
         long.stream(frame.replace(types=np.ones(81, int)))
     grid = atc.Grid.points([[1.0, 1, 1]])
+    cut = model(f"pair_style lj/cut/tip4p/cut {SITE} 4.5 4.2\n{LJ}{BONDS}")
     for more, message in (
         ({"quantities": ["virial_stress_per_atom"]}, "not known of single atoms"),
         ({"quantities": ["stress"], "tiles": (1, 1, 2)}, "tiles: not with virtual sites"),
+        ({"quantities": ["stress"], "pot": cut, "grid": atc.Grid.planes("z", n=3)}, "not counted on planes"),
         ({"quantities": ["piola_stress"], "reference": frame}, "a field has no bonds|reference frame does not have"),
     ):
+        asked = {"pot": long, "kern": GAUSS, "grid": grid} | more
         with pytest.raises(AtcError, match=message):
-            atc.fields(frame, long, GAUSS, grid, **more)
+            atc.fields(frame, **asked)
 
 
 class _Inside:
