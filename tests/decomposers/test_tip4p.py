@@ -234,6 +234,24 @@ def test_what_is_refused_is_named(box, long):
             atc.fields(frame, **asked)
 
 
+def test_charges_and_dipoles_are_those_of_the_sites(box, long):
+    """Profiles of charge and polarisation against those of a frame with the sites as atoms."""
+    from atc.analysis.species_profile import SpeciesSums
+
+    config, _ = four_points(box)
+    config.masses[3] = 1e-9
+    grid, found = atc.Grid.slab("z", 12), []
+    molecules = np.repeat(np.arange(27) + 1, 4)
+    for frame, pot in ((box.frame(), long), (config.frame().replace(molecules=molecules), None)):
+        sums = SpeciesSums(pot, atc.kernel("gaussian", width=1.5), grid)
+        sums.add(0, frame.replace(charges=np.where(frame.types == 3, -0.82, frame.charges)))
+        _, charge, _, polar = sums.arrays()
+        found.append((charge, polar))
+    (charge, polar), (want_charge, want_polar) = found
+    np.testing.assert_allclose(charge, want_charge, rtol=0, atol=1e-9 * np.abs(want_charge).max())
+    np.testing.assert_allclose(polar, want_polar, rtol=0, atol=1e-7 * np.abs(want_polar).max())
+
+
 class _Inside:
     """Sites that the trajectory has: every fourth atom."""
 
