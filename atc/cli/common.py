@@ -134,28 +134,6 @@ Species = Annotated[
 ]
 
 
-@contextlib.contextmanager
-def heard():
-    """The sentences of all warnings of atc in the meantime, which are shown as ever."""
-    import warnings
-
-    from ..errors import AtcWarning
-
-    said: list[str] = []
-    show = warnings.showwarning
-
-    def listen(message, category, *more, **named):
-        if issubclass(category, AtcWarning):
-            said.append(str(message))
-        show(message, category, *more, **named)
-
-    warnings.showwarning = listen
-    try:
-        yield said
-    finally:
-        warnings.showwarning = show
-
-
 def select_atoms(scene, select, by, bonds):
     """The scene with what the flags say of atoms."""
     for key, value, flag in (("atoms", select, "--select"), ("by", by, "--by"), ("bonds", bonds, "--bonds")):

@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import AtcError
 from .components import SYMBOL, component
 from .drawing import STYLE, colours, draw_map, figure, titled
-from .geometry import cut, unit_text
+from .geometry import PROFILES, cut, unit_text
 from .symbols import symbol
 
 
@@ -70,7 +70,7 @@ def _against(Figure, result):
         r for r in result.rows if r["section"].startswith("box average")
     ]
     maps, where = [], ""
-    if "difference" in data and place.kind != "slab" and place.kind != "line":
+    if "difference" in data and place.kind not in PROFILES:
         selection = {}
         if place.kind == "volume":
             place, selection, where = cut(place)

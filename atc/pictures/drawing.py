@@ -45,7 +45,7 @@ def at_frame(ds, name, frame):
     try:
         k = int(frame)
     except ValueError:
-        raise AtcError(f"frame {frame!r}: expected a number counted from 0 (-1 is the last) or mean") from None
+        raise AtcError(f"frame {frame!r}: expected a number counted from 0 (-1 is the last), mean or all") from None
     if not -n <= k < n:
         raise AtcError(f"frame {k}: the output has {n} frame{'s' * (n != 1)}, numbered 0 to {n - 1}")
     return da.isel(frame=k), _frame_text(ds, k)

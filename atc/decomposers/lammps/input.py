@@ -28,6 +28,8 @@ from ..registry import (
     supported,
 )
 from ..special_bonds import SpecialBonds
+from ..tip4p import TIP4P, SitePairs, rest
+from ..virtual_sites import VirtualSites
 from ..zero import Nothing
 from .constraint_fixes import constraints_of, groups_of, needs_molecules
 from .data_coeffs import take_data_file
@@ -544,6 +546,7 @@ def _assemble(model: _Model, name: str) -> Potential:
 
         terms += one_four_terms(terms)
     pot = Potential(terms, model.units)
+    pot.sites = _sites(model, terms)
     pot.remarks = (*notes, *model.notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
@@ -664,7 +667,7 @@ class _PairBuild:
             if sub.factor != 1.0:
                 from ..scaled import Scaled
 
-                if any(isinstance(b, Term) for b in built):
+                if any(isinstance(b, Term) or b.water is not None for b in built):
                     raise AtcError(
                         f"{style.where}: {style.name} with a factor other than 1 for {sub.called} is not supported: "
                         "only for pair potentials"
@@ -686,9 +689,11 @@ class _PairBuild:
 class _PairGrow:
     build: _PairBuild
     own: tuple = ()
+    on_sites: bool = False
 
     def __call__(self, n_types: int) -> list[PairStyle]:
-        return [b for b in self.build(n_types) if isinstance(b, PairStyle) and b.own_special == self.own]
+        built = [b for b in self.build(n_types) if isinstance(b, PairStyle) and b.own_special == self.own]
+        return [b for b in built if (b.water is not None) == self.on_sites]
 
 
 def _as_list(built) -> list:
@@ -709,11 +714,60 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
             f"{build.style.name}: its neighbours would not be those of the run"
         )
     # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
-    for own in sorted({s.own_special for s in styles}, reverse=True):
-        mine = [s for s in styles if s.own_special == own]
+    # So do those between charges that sit on virtual sites.
+    for own, sites in sorted({(s.own_special, s.water is not None) for s in styles}, reverse=True):
+        mine = [s for s in styles if s.own_special == own and (s.water is not None) == sites]
         weights = special.with_own(own, build.style.where) if own else special
-        terms.insert(0, Pairs(mine, build.n_types, weights, grow=_PairGrow(build, own), exclusions=excluded))
+        grow = _PairGrow(build, own, sites)
+        terms.insert(0, (SitePairs if sites else Pairs)(mine, build.n_types, weights, grow=grow, exclusions=excluded))
     return terms
+
+
+def _sites(model: _Model, terms) -> VirtualSites | None:
+    """The virtual sites that the pair styles of a model ask for."""
+    lines = {s.water for t in terms for s in t.styles if s.water is not None}
+    if not lines:
+        return None
+    if len({(w.oxygen, w.hydrogen, w.bond, w.angle, w.distance) for w in lines}) > 1:
+        raise AtcError(f"{model.styles['pair'].where}: the sub-styles have different TIP4P waters: one for all of them")
+    water = lines.pop()
+    if model.exclusions:
+        raise AtcError(
+            f"{model.exclusions.where}: neigh_modify {model.exclusions.keyword} is not supported with {water.where}'s "
+            "virtual sites"
+        )
+    at_rest = {}
+    for kind, word in (("bond", water.bond), ("angle", water.angle)):
+        (number,) = _one_type(model, kind, word, water.where)
+        style = model.styles.get(kind)
+        found = None
+        for line in _coeff_lines(model, style) if style is not None else ():
+            words, name = line.words, style.name
+            if name.startswith("hybrid") and words:
+                name, words = strip_suffix(words[0]), words[1:]
+            if line.types[0].lo <= number <= (line.types[0].hi or MAX_TYPES):
+                found = name, words, line.where
+        if found is None:
+            raise AtcError(
+                f"{water.where}: no {kind}_coeff of {kind} type {word}, whose size at rest places the charge of the "
+                f"oxygen: add {kind}_style and {kind}_coeff lines (style zero, if it has no energy)"
+            )
+        at_rest[kind] = rest(kind, *found)
+    b, theta = float(model.units.to_internal("length", at_rest["bond"])), np.radians(at_rest["angle"])
+    if not (b > 0 and 0 < theta < np.pi):
+        raise AtcError(
+            f"{water.where}: TIP4P needs a bond length and an angle at rest between 0 and 180 degrees, got "
+            f"{at_rest['bond']:g} and {at_rest['angle']:g}"
+        )
+    (o,), (h,) = (_one_type(model, "atom", word, water.where) for word in (water.oxygen, water.hydrogen))
+    return VirtualSites(TIP4P(o, h, float(water.distance / (b * np.cos(0.5 * theta))), water.where))
+
+
+def _one_type(model: _Model, kind: str, word: str, where: str) -> range:
+    span = _types(model, kind, word, where)
+    if span.lo != span.hi:
+        raise AtcError(f"{where}: expected one {kind} type, got {word}")
+    return span(span.lo)
 
 
 class _Unweighted(Wrapper):
