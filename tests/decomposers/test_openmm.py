@@ -15,7 +15,7 @@ import atc
 from atc.errors import AtcError
 
 pytestmark = pytest.mark.tools
-ENERGY, FORCE, EWALD = 1e-9, 1e-10, 3e-7
+ENERGY, FORCE, EWALD = 1e-11, 1e-12, 3e-7
 
 
 def tail_of(pot):
