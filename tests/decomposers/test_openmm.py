@@ -89,6 +89,37 @@ def test_a_protein_by_force():
     assert "CMMotionRemover" in pot.describe()
 
 
+def test_chiral_force_fields():
+    """CHARMM36 with correction maps and phases, by forces across bonds."""
+    import openmm
+    from openmm import app, unit
+
+    topology, x = om.villin()
+    m = app.Modeller(topology, x * unit.nanometer)
+    m.delete([r for r in m.topology.residues() if r.name == "Cl"])
+    x = om.positions(m.positions)
+    system = app.ForceField("charmm36.xml").createSystem(m.topology, nonbondedMethod=app.NoCutoff)
+    kinds = {type(f).__name__ for f in system.getForces()}
+    assert {"CMAPTorsionForce", "CustomTorsionForce", "CustomNonbondedForce", "CustomBondForce"} <= kinds
+    pot = atc.potential(system, chiral=True)
+    dE, dF = om.differences(pot, system, x)
+    assert dF <= FORCE and abs(dE) <= 1e-7 and not pot.central
+    assert any(t.name == "correction map (CMAP)" for t in pot.terms if hasattr(t, "name"))
+    # phases and formulas of any kind, alone
+    torsions, formula = (
+        openmm.PeriodicTorsionForce(),
+        openmm.CustomTorsionForce("k*(1 + cos(3*theta + 0.3)) + sin(theta)"),
+    )
+    formula.addPerTorsionParameter("k")
+    for k in range(0, 200, 3):
+        torsions.addTorsion(k, k + 1, k + 4, k + 6, k % 4 + 1, 0.4 * (k % 5), 1.0 + k % 3)
+        formula.addTorsion(k, k + 2, k + 3, k + 6, [float(k % 3)])
+    for force in (torsions, formula):
+        one = _with(force, len(x))
+        dE, dF = om.differences(atc.potential(one, chiral=True), one, x)
+        assert dF <= FORCE and abs(dE) <= 1e-8, (type(force), dE, dF)
+
+
 @pytest.mark.parametrize("model, xml", [("spce", "spce.xml"), ("tip4pew", "tip4pew.xml"), ("tip5p", "tip5p.xml")])
 def test_water(model, xml):
     """Three, four and five sites, of which the last one or two are virtual."""
@@ -554,6 +585,12 @@ def test_every_key_of_a_scene_counts(tmp_path):
         {"constraints": "allbonds"},
     ):  # fmt: skip
         assert model(**{**top, **change}) != base, change
+    (tmp_path / "phase.top").write_text(om.top(2).replace("9 180 1.5 2", "9 60 1.5 2"))
+    with pytest.raises(AtcError, match="chiral = true"):
+        model(top="phase.top", method="NoCutoff")
+    assert model(top="phase.top", method="NoCutoff", chiral=True) != model(
+        top="rule2.top", method="NoCutoff", chiral=True
+    )
     psf = {"psf": "a.psf", "method": "NoCutoff", "parameters": "a.prm"}
     assert model(**psf) != model(**{**psf, "parameters": ["soft.prm"]})
     prm = {"prmtop": "a.prmtop", "method": "NoCutoff"}

@@ -20,11 +20,12 @@ _NM = 0.1
 
 @dataclass(frozen=True)
 class Options:
-    """What a file does not say of a run; nothing of it goes with a System or its XML but `switching`.
+    """What a file does not say of a run; only `switching` and `chiral` go with a System or its XML.
 
     parameters : CHARMM's parameter files (prm, rtf, str), for a psf
     method : one of `METHODS`. cutoff, switch : Å; switch is where Lennard-Jones forces begin to end
     switching : one of `SWITCHES`
+    chiral : whether torsions that tell a molecule from its mirror image (phases, CMAP) are taken, see `chiral`
     constraints : one of `HELD`. rigid_water : whether water is rigid
     defines : names that GROMACS's preprocessor knows, or {name: what it stands for}. include : the folder of its force
         fields
@@ -35,6 +36,7 @@ class Options:
     cutoff: float | None = None
     switch: float | None = None
     switching: str | None = None
+    chiral: bool = False
     constraints: str | None = None
     rigid_water: bool | None = None
     defines: dict | tuple | None = None
@@ -62,7 +64,7 @@ class Options:
         if isinstance(given.get("parameters"), str | os.PathLike):
             given["parameters"] = (given["parameters"],)
         for key in given:
-            if key != "switching" and kind == "openmm":
+            if key not in ("switching", "chiral") and kind == "openmm":
                 raise AtcError(f"{key}: leave it out: {_name(source)} is a whole System, which says it itself")
         for key, of in (("parameters", "psf"), ("defines", "top"), ("include", "top")):
             if key in given and kind != of:
