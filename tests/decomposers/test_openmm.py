@@ -59,6 +59,20 @@ def test_nonbonded(method, settings, limit):
     assert (tail_of(pot) != 0.0) == (method in ("CutoffPeriodic", "Ewald", "PME"))
 
 
+def test_a_cell_is_neutral_to_the_digits_of_its_charges():
+    system, x = om.ions("Ewald", box=np.diag(np.diag(om.BOX)), EwaldErrorTolerance=1e-9, UseDispersionCorrection=False)
+    force = om.nonbonded(system)
+    for k in range(len(x)):
+        q, s, e = force.getParticleParameters(k)
+        force.setParticleParameters(k, q._value + 7e-7, s, e)
+    pot = atc.potential(system)
+    assert "charges add up to 8.4e-05 e" in pot.describe()
+    assert om.differences(pot, system, x, np.diag(np.diag(om.BOX)))[1] <= 5e-6
+    force.setParticleParameters(0, 1.0, 0.2, 0.3)
+    with pytest.raises(AtcError, match="the cell has a charge of 0.2"):
+        atc.potential(system).stream(om.frame_of(x, np.diag(np.diag(om.BOX))))
+
+
 def test_a_protein_by_force():
     """AMBER ff14SB: bonds, angles, torsions, nonbonded with 1-4 pairs, each alone and all together."""
     import openmm
@@ -544,12 +558,19 @@ def test_wrong_trajectories_and_files(tmp_path):
     for name, words, more in (
         ("state.xml", "holds a VerletIntegrator", {}),
         ("ff.xml", "a force field, not a System", {}),
-        ("bad.xml", "does not understand it", {}),
-        ("bad.top", "does not understand it", {"method": "NoCutoff"}),
+        ("bad.xml", "does not understand it: expected what openmm.XmlSerializer", {}),
+        ("bad.top", "does not understand it: .*all it includes", {"method": "NoCutoff"}),
     ):
         with pytest.raises(AtcError, match=words) as e:
             atc.potential(tmp_path / name, **more)
         assert "\n" not in str(e.value) and name in str(e.value)
+    _write(tmp_path)
+    (tmp_path / "amber.top").write_text(om.prmtop())
+    with pytest.raises(AtcError, match="a file of AMBER, not of GROMACS: give it as prmtop"):
+        atc.Scene.load(
+            {"trajectory": {"file": "x"}, "potential": {"top": str(tmp_path / "amber.top"), "method": "NoCutoff"}}
+        ).potential()
+    assert len(atc.potential(tmp_path / "amber.top", method="NoCutoff").terms) == 5
 
 
 def test_every_key_of_a_scene_counts(tmp_path):

@@ -132,10 +132,19 @@ def system_of(source, kind: str, options: Options):
         return {"prmtop": _from_prmtop, "psf": _from_psf, "top": _from_top}[kind](str(source), options), name
     except AtcError:
         raise
-    except Exception as e:
-        # What its readers raise is of many kinds; the first sentence of theirs names the atom type or line.
-        why = " ".join(str(e).split())[:160] or type(e).__name__
-        raise AtcError(f"{name}: OpenMM's reader does not understand it ({why})") from None
+    except Exception:
+        raise AtcError(f"{name}: OpenMM's reader does not understand it: {_HINTS[kind]}") from None
+
+
+#: What a file mostly lacks that a reader of OpenMM does not take.
+_HINTS = {
+    "openmm": "expected what openmm.XmlSerializer.serialize(system) writes, of a version that is not newer than the "
+    "OpenMM here",
+    "prmtop": "expected a whole parameter and topology file of AMBER 7 or newer",
+    "psf": "expected a psf whose types and parameters are all in the files of parameters",
+    "top": "expected a topology of GROMACS with all it includes (give include and defines as for grompp), every type "
+    "and every molecule's parameters; what 'gmx grompp -pp' writes is whole",
+}
 
 
 def _from_xml(openmm, path, name):
@@ -204,6 +213,8 @@ def _from_psf(path, options):
 def _from_top(path, options):
     from openmm import app
 
+    if _head(Path(path)).lstrip().startswith("%VERSION"):
+        raise AtcError(f"{path}: a file of AMBER, not of GROMACS: give it as prmtop")
     more = {} if options.include is None else {"includeDir": str(options.include)}
     defines = options.defines if isinstance(options.defines, dict) else dict.fromkeys(options.defines or (), "")
     box = {"periodicBoxVectors": _box(options)} if _periodic(options) else {}
