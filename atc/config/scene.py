@@ -63,6 +63,8 @@ class Scene(Document):
     _lines: dict = field(default_factory=dict, repr=False, compare=False)
     _flags: dict = field(default_factory=dict, repr=False, compare=False)
     _text: str = field(default="", repr=False, compare=False)
+    #: (what it was made from, potential), the last one read
+    _made: tuple = field(default=(None, None), repr=False, compare=False)
 
     # ---- making one
 
@@ -243,13 +245,13 @@ class Scene(Document):
         quantities = self.get("fields", "quantities")
         if quantities is None:
             raise self.need("fields", 'it needs quantities, what to compute, e.g. quantities = ["stress", "density"]')
-        work = Work.of(quantities)
+        work = Work.of(quantities, kernel=self.get("grid", "kind") != "planes")
         if work.bond_users and "potential" not in self.data:
             raise self.need(
                 "potential",
                 f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"',
             )
-        if work.kernel_users and "kernel" not in self.data:
+        if work.kernel_users and "kernel" not in self.data and not self.get("grid", "means"):
             raise self.need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
         if work.grid_users and "grid" not in self.data:
             raise self.need("grid", f'{work.grid_users[0]} needs one, e.g. kind = "regular" and spacing = 2.0')
@@ -470,7 +472,7 @@ class Scene(Document):
             options["include"] = self.path("potential", "include")
         path = self.path("potential", kind)
         key = (path, str(options))
-        if getattr(self, "_made", (None,))[0] != key:
+        if self._made[0] != key:
             try:
                 self._made = (key, potential_from_openmm(path, kind, **options))
             except AtcError as e:
@@ -483,7 +485,7 @@ class Scene(Document):
 
         run, files = self.get("potential", "run"), self._files()
         key = (path, units, run, str(files))
-        if getattr(self, "_made", (None,))[0] != key:
+        if self._made[0] != key:
             files = files if isinstance(files, list) else [files]
             self._made = (key, potential(path, units=units, run=run, trajectory=files))
         return self._made[1]
@@ -530,6 +532,8 @@ class Scene(Document):
         if kind == "points":
             xyz = table["points"]
             table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
+        if kind == "planes" and self.get("trajectory", "timestep") is not None:
+            table.setdefault("interval", self.get("trajectory", "timestep"))
         try:
             made = getattr(Grid, kind)(**table)
             return made if follow is None else made.following(follow)
@@ -548,7 +552,9 @@ class Scene(Document):
             if table:
                 out["select"] = select(**table)
             elif "bonds" in out:
-                raise AtcError("bonds: whose ends? say which atoms: types, elements, ids, molecules, region or atoms")
+                raise AtcError(
+                    "bonds: whose ends? say which atoms: types, elements, ids, molecules, groups, region or atoms"
+                )
         except AtcError as e:
             raise self._placed_error("select", list(self.data["select"]), e) from None
         return out

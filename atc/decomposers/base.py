@@ -135,6 +135,8 @@ class Term:
     attributes: Mapping[str, str] = MappingProxyType({})
     #: weights of pairs that are bonded, see `special_bonds`
     special = None
+    #: masses that its file gives types, as LAMMPS takes them: the line that named it, and {types: mass}
+    file_masses: tuple[str, Mapping[str, float]] = ("", MappingProxyType({}))
     #: whether it needs the charges of the atoms
     needs_charges: bool = False
     #: whether it takes no weights of special_bonds, and none are missed
@@ -377,7 +379,9 @@ class Potential(Interactions):
         """
         acting = self.acting
         if acting is not None and acting.known:
-            return acting.of(self.complete(frame), inner_nc), f"declared: {acting.describe()}"
+            whole = self.complete(frame)
+            if frame.forces is None or acting.told(whole):
+                return acting.of(whole, inner_nc), f"declared: {acting.describe()}"
         if frame.forces is not None:
             named = f" ({acting.describe()})" if acting is not None else ""
             return frame.forces - inner_nc, f"measured: the forces of the run less those of the potential{named}"
@@ -555,7 +559,7 @@ class Potential(Interactions):
                     consume(levers, 0)
         if constraints is not None and n:
             inner = sum(a.forces for a in accs)[:n]
-            known = self.acting is not None and self.acting.laws and self.acting.known
+            known = self.acting is not None and self.acting.laws and self.acting.told(whole)
             held = constraints.found(whole, inner, self.acting.of(whole, inner) if known else None)
             for bonds in (held.bonds, held.levers):
                 if bonds is None or not len(bonds):

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..decomposers.virtual_sites import atoms_of
 from ..grids.curved import in_local_axes
-from . import passes, tiles
+from . import passes, planes, tiles
 from .accuracy.random_points import ZERO, extent_of, kernel_internal, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, StrongestBonds, StrongestOfFrames, error_of, summed_exactly
 from .chosen import chosen_of
@@ -65,6 +65,8 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
             fields_of(frames, replace(settings, part=k), index, run_tiles) for k in range(len(settings.parts.labels))
         ]
         return of_parts(each)
+    if planes.through_planes(settings.grid):
+        return planes.of_frame(frames, settings, index, fields_of)
     more = {"parts": settings.part is not None, "velocity": settings.velocity, "churnless": settings.churnless}
     work = Work.of(settings.names, settings.central, **more)
     for frame in frames:

@@ -227,6 +227,8 @@ class FieldSums:
         area = abs(np.linalg.det(vectors)) / height / (cell.volume / cell.heights[a])
         n = index[a]
         phase = np.exp(2j * np.pi / height * np.outer(z, n))
+        if self.bound.means:
+            phase *= np.sinc(n / height * cell.heights[a] / self.bound.shape[0])
         out = []
         for F in F_k:
             line = np.moveaxis(F, a, 0)[:, 0, 0]

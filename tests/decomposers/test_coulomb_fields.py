@@ -86,6 +86,20 @@ def test_the_error_found_keeps_the_tolerance(kern):
     assert 0 < result.errors["stress_potential"]["error_max"]
 
 
+@pytest.mark.parametrize("name", ["step", "box"])
+def test_kernels_that_jump_have_their_price(name):
+    """Loose tolerances that they can keep; tighter ones are refused with how far the modes go."""
+    frame, pot, kern = ions().frame(), atc.potential("units real\n" + LINES), atc.kernel(name, 4.0)
+    rough, fine = (
+        fields_of([frame], settings(["stress_potential"], pot, Grid.points(POINTS), t, kern)) for t in (0.1, 0.05)
+    )
+    a, b = (r.arrays["stress_potential"] for r in (rough, fine))
+    assert 0 < np.abs(a - b).max() < 0.1 * np.abs(b).max()
+    assert 0 < rough.errors["stress_potential"]["error_max"] < 0.1
+    with pytest.raises(AtcError, match=f"kernel '{name}' decay too slowly .* over its radius"):
+        fields_of([frame], settings(["stress_potential"], pot, Grid.points(POINTS), 1e-6, kern))
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 def test_the_split_keeps_the_tolerance_and_the_error_found_knows(tolerance):
     """Bonds end and modes are cut as the tolerance allows; alpha, and so the field, is the same for all of them."""

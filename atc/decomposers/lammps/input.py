@@ -76,6 +76,8 @@ class _Model:
     exclusions: Exclusions | None = None
     notes: list[str] = field(default_factory=list)
     pairs: Pairs | None = None
+    #: the lines that give types masses, in order: mass, and pair_coeff where its file has some
+    heavy: list[Command] = field(default_factory=list)
 
 
 def potential_from_lammps(
@@ -125,8 +127,9 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     named = model.exclusions.groups if model.exclusions else ()
     from_outside = acting(choice.fixes)
     pot.moved = tuple(dict.fromkeys(c.words[1] for c in choice.fixes if c.words[2] == "move" and not c.unknown))
-    needed = (*groups_of(choice.fixes), *(c.words[1] for c in from_outside if c.words[1] != "all"))
-    groups = (*named, *(g for g in dict.fromkeys(needed) if g not in named))
+    needed = {*named, *groups_of(choice.fixes)}
+    if_known = dict.fromkeys(c.words[1] for c in from_outside if c.words[1] != "all" and c.words[1] not in needed)
+    groups = (*named, *(g for g in dict.fromkeys((*groups_of(choice.fixes), *if_known)) if g not in named))
     if script or from_outside:
         lattice = any(c.name == "lattice" for c in choice.state.atoms)
         pot.acting = outside_of(choice.fixes, groups, model.units, lattice)
@@ -152,14 +155,15 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
         pot.remarks = (*pot.remarks, f"{Path(name).name} has no units line: lj, as in LAMMPS")
     pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))
     concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
-    if script or concerned or changing or groups:
+    heavy = _masses_of_files(model, pot.terms)
+    if script or concerned or changing or groups or heavy:
         pot.setup = Setup(
             name,
             folder,
             model.units.name,
             pot.dimension,
             _atom_style(model),
-            choice.state.atoms,
+            (*choice.state.atoms, *heavy),
             choice.later,
             changing,
             tuple(script_run.written_data),
@@ -167,6 +171,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
             groups,
             script_run.may_lose,
             script_run.columns,
+            frozenset(if_known),
         )
         pot.remarks = (*pot.remarks, *pot.setup.remarks())
     if script:
@@ -174,6 +179,31 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     else:
         pot.text = text.strip() + "\n"
     return pot
+
+
+def _masses_of_files(model: _Model, terms) -> list[Command]:
+    """The mass lines of a script with those that its potential files stand for (embedded atoms, MEAM, EIM), in the
+    order in which they hold; none where no file says masses."""
+    of_line = {t.inner.file_masses[0]: t.inner.file_masses[1] for t in terms if t.inner.file_masses[1]}
+    pair = model.styles.get("pair")
+    out = []
+    for c in model.heavy if of_line else ():
+        if c.name == "mass":
+            out.append(c)
+            continue
+        said, own = of_line.get(c.where), True
+        if said is None and pair is not None and "eam" in (pair.name, *c.words[2:3]):  # one file a type, one term
+            said, own = of_line.get(pair.where, {}), False
+        for word, mass in (said or {}).items():
+            if own or all(_covers(_types(model, "atom", w, c.where), word) for w in c.words[:2]):
+                out.append(Command("mass", (word, repr(mass)), c.where))
+    return out
+
+
+def _covers(span: TypeRange, word: str) -> bool:
+    """Whether a range of types has the one, or all that are open above, that a word names."""
+    first = int(word.rstrip("*") or 1)
+    return span.lo <= first and (span.hi is None or (first <= span.hi and not word.endswith("*")))
 
 
 # Gathering
@@ -237,6 +267,7 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
             if kind not in model.styles:
                 raise AtcError(f"{c.where}: {c.name} before any {kind}_style: put the style first")
             model.styles[kind].lines.append(c)
+            model.heavy += [c] if kind == "pair" else []
         elif c.name == "pair_modify":
             if "pair" not in model.styles:
                 raise AtcError(f"{c.where}: pair_modify before any pair_style: put the style first")
@@ -262,6 +293,7 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
         elif c.name == "labelmap":
             _labelmap(model, c)
         elif c.name == "mass":
+            model.heavy.append(c)
             if len(c.words) == 2:
                 span = _types(model, "atom", c.words[0], c.where)
                 for t in span(max(span.hi or span.lo, *model.masses, 1)):

@@ -22,6 +22,7 @@ from math import pi, sqrt
 import numpy as np
 
 from ...errors import AtcError
+from .sheet import Sheet
 from .transform import Transform, box_modes, good_length, largest_of, wave_vectors
 
 # Components of symmetric tensors.
@@ -31,6 +32,8 @@ ARRAYS, LARGEST = 16, 6.0e9
 #: Tolerances of fields from which on their products may be in single precision: smoothing averages what it rounds.
 SINGLE = 1e-5
 MOST_NODES = 24
+#: Steps in κ up to which the modes of kernels that jump are looked at.
+LAST_MODE = 60_000
 
 
 class Products:
@@ -217,8 +220,6 @@ class Products:
         have a current along z, which would grow with z, is ½ ∂E₀/∂t Σ q_j z_j in ∇·A; it is given the potential flow
         that has this divergence. Charges that all move alike have A = −σ·v, as they must.
         """
-        from .ewald import Sheet
-
         q_n, x_nc = self.frame.charges, self.frame.positions
         sheet = Sheet(q_n, x_nc[:, 2], self.term.split.constant, self.volume)
         pick = self._pick()
@@ -287,15 +288,21 @@ def largest_wave_of(kernel, tolerance: float, alpha: float) -> float:
     """The wave number up to which the smoothed field's modes are kept: φ̂ decays, and K_µν like α/Q beyond."""
     from ...deposit import fourier
 
-    spec = fourier.spectrum(kernel)
-    k = spec.k / spec.scale
-    power = spec.power * np.minimum(1.0, (alpha / k) ** 2)
+    if kernel.jumps and kernel.last_mode is None:  # a product of functions of x, y and z
+        kappa = (np.arange(LAST_MODE) + 0.5) * 0.05
+        k, power = kappa / kernel.scale, kernel.hat_along(kappa) ** 2
+    else:
+        spec = fourier.spectrum(kernel)
+        k, power = spec.k / spec.scale, spec.power
+    power = power * np.minimum(1.0, (alpha / k) ** 2)
     tail = np.cumsum(power[::-1])[::-1] / power.sum()
     fine = np.sqrt(3.0 * tail) <= tolerance
     # Near the table's end the tail is cut short.
     if not fine.any() or np.argmax(fine) > 0.5 * len(k):
         raise AtcError(
-            f"long-range Coulomb: the modes of kernel {kernel.name!r} decay too slowly for this tolerance: take a "
-            "smoother kernel (gaussian, lucy) or a looser tolerance"
+            f"long-range Coulomb: the modes of kernel {kernel.name!r} decay too slowly for this tolerance: "
+            f"{float(np.sqrt(3.0 * tail[len(k) // 2])):.1g} of the field is in those beyond "
+            f"{k[len(k) // 2] * kernel.radius:.3g} over its radius: take a smoother kernel (gaussian, lucy) or a "
+            "looser tolerance"
         )
     return float(k[np.argmax(fine)])
