@@ -33,9 +33,9 @@ LEARNED = {
     "kim": ("types",),
 }
 #: Systems of other codes, and what [potential] may tell of the run besides.
-_RUN = ("method", "cutoff", "switch", "switching", "constraints", "rigid_water")
+_RUN = ("method", "cutoff", "switch", "switching", "chiral", "constraints", "rigid_water")
 SYSTEMS = {
-    "openmm": ("switching",),
+    "openmm": ("switching", "chiral"),
     "prmtop": _RUN,
     "psf": ("parameters", *_RUN),
     "top": ("defines", "include", *_RUN),

@@ -349,6 +349,9 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _choice(["potential-switch", "force-switch", "vfswitch"]),
             'how Lennard-Jones forces end: "potential-switch", "force-switch" (GROMACS) or "vfswitch" (CHARMM)',
         ),
+        "chiral": Key(
+            _boolean, "whether torsions that tell a molecule from its mirror image are taken, by forces across bonds"
+        ),
         "constraints": Key(
             _choice(["none", "hbonds", "allbonds", "hangles"]), 'which bonds the run held, e.g. "hbonds"'
         ),
