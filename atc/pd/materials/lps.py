@@ -11,9 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
+from ...errors import AtcError
 from ..blocks import node_rows
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather, gather_positions
+from ..surface import moment_factors
 from .base import BondForces, ForceModel, Isotropic, deformed, influence_function
 from .rows import eights
 
@@ -26,15 +28,29 @@ class LPS(Isotropic):
     bulk, shear : K and G; or youngs, poisson. Three-dimensional constants.
     influence : ω(|ξ|, δ): "inverse" (1/|ξ|) by default, a name of `INFLUENCE` or a function
     volume_correction : the share ν of volumes near the horizon
+    surface_correction : None, or "energy": bonds are weighted so that nodes, at surfaces too (but not at edges and
+        corners) and in any cloud, have the classical dilatation and energy in every uniform strain
+        (`surface.moment_factors`)
     """
 
     name = "lps"
 
     def __init__(
-        self, bulk=None, shear=None, *, youngs=None, poisson=None, influence="inverse", volume_correction=True
+        self,
+        bulk=None,
+        shear=None,
+        *,
+        youngs=None,
+        poisson=None,
+        influence="inverse",
+        volume_correction=True,
+        surface_correction=None,
     ):
         super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
         self.influence, self.volume_correction = influence, bool(volume_correction)
+        self.surface_correction = surface_correction
+        if surface_correction not in (None, "energy"):
+            raise AtcError(f'surface_correction must be None or "energy", got {surface_correction!r}')
 
     @staticmethod
     def model(*args, **options):
@@ -47,8 +63,14 @@ class Elastic(LPS):
 
     name = "elastic"
 
-    def __init__(self, youngs, poisson, *, influence="inverse", volume_correction=True):
-        super().__init__(youngs=youngs, poisson=poisson, influence=influence, volume_correction=volume_correction)
+    def __init__(self, youngs, poisson, *, influence="inverse", volume_correction=True, surface_correction=None):
+        super().__init__(
+            youngs=youngs,
+            poisson=poisson,
+            influence=influence,
+            volume_correction=volume_correction,
+            surface_correction=surface_correction,
+        )
 
 
 class StateModel(ForceModel):
@@ -64,6 +86,10 @@ class StateModel(ForceModel):
         self.a_n = self.per_node(lambda m: d**2 * (by[id(m)][0] - by[id(m)][1]))
         self.b_n = self.per_node(lambda m: d * (d + 2) * by[id(m)][1])
         self.W_b = self.weights()
+        if self.first.surface_correction is not None:
+            if lammps_compat:
+                raise AtcError("surface_correction: LAMMPS has none, so that lammps_compat cannot be had with it")
+            self.W_b *= moment_factors(body, self.W_b)
         r2 = t.r0_b**2
         if lammps_compat and len(t.image_b):
             # LAMMPS leaves out the images here: |X_j − X_i| across the box.
