@@ -151,6 +151,7 @@ def make_body(case):
             from .bodies import read_nodes
 
             nodes = read_nodes(case.path("body", "file"), b, lambda why: case.bad(("body", "file"), why))
+            case.sets = nodes.sets
             if cell is None and nodes.cell is not None:
                 options["cell"] = nodes.cell
             more = {} if "spacing" not in b else {"spacing": b["spacing"]}
@@ -196,6 +197,14 @@ def region_of(case, region):
         return reduce(lambda a, b: a & b, (region_of(case, r) for r in region["all"]))
     if "not" in region:
         return ~region_of(case, region["not"])
+    if region["shape"] == "set":
+        sets = case.sets
+        if region["name"] not in sets:
+            raise AtcError(
+                f"{case.name}: there is no set {region['name']!r}: expected a set of the mesh in [body] file; known: "
+                f"{', '.join(sets) or 'none'}"
+            )
+        return pd.Nodes(sets[region["name"]])
     if region["shape"] == "box":
         return pd.Box(region["lo"], region["hi"])
     if region["shape"] == "sphere":

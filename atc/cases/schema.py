@@ -24,7 +24,12 @@ from ..config.schema import (
     json_of,
 )
 
-SHAPES = {"box": ("lo", "hi"), "cylinder": ("axis", "center", "radius", "lo", "hi"), "sphere": ("center", "radius")}
+SHAPES = {
+    "box": ("lo", "hi"),
+    "cylinder": ("axis", "center", "radius", "lo", "hi"),
+    "sphere": ("center", "radius"),
+    "set": ("name",),
+}
 
 
 def _bound(v):
@@ -130,7 +135,9 @@ def _shape_or_combination(v):
             raise ValueError(
                 f"a {shape} needs {', '.join(k for k in SHAPES[shape] if shape != 'cylinder' or k not in ('lo', 'hi'))}"
             )
-        if key == "radius":
+        if key == "name":
+            out[key] = _string(v[key])
+        elif key == "radius":
             out[key] = _positive(v[key])
         elif key == "axis":
             out[key] = _choice(["x", "y", "z"])(v[key])
@@ -167,6 +174,7 @@ REGION_JSON = {
                     "axis": {"enum": ["x", "y", "z"]},
                     "center": {"type": "array", "items": {"type": "number"}},
                     "radius": {"type": "number", "exclusiveMinimum": 0},
+                    "name": {"type": "string", "pattern": r"\S"},
                 },
                 "required": ["shape", *(k for k in keys if shape != "cylinder" or k not in ("lo", "hi"))],
                 "propertyNames": {"enum": ["shape", *keys]},
