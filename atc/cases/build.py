@@ -76,6 +76,16 @@ def simulation(case, threads: int = 0, state=None):
     options = {}
     if "strain" in case.data["body"]:
         options["strain"] = case.data["body"]["strain"]
+    if "temperature" in case.data["body"]:
+        rise = case.data["body"]["temperature"]
+        if isinstance(rise, str):
+            from ..config.formula import Formula
+
+            formula = Formula(rise, ("x", "y", "z"))
+            complain = lambda why: case.bad(("body", "temperature"), why)  # noqa: E731
+            place = dict(zip("xyz", body.X_nc.T, strict=True))
+            rise = np.broadcast_to(formula.finite(complain, **place), (len(body),))
+        options["temperature"] = rise
     if state is None:
         start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
         for k, t in enumerate(case.data.get("initial", [])):

@@ -105,6 +105,19 @@ def _history(variables, free=False):
     return described(checked, {"anyOf": [three(part), *([_json_table(three(single))] if tables else [])]})
 
 
+def _rise(v):
+    """A number or a formula of x, y, z."""
+    if isinstance(v, str):
+        from ..config.formula import Formula
+
+        Formula(v, ("x", "y", "z"))
+        return v
+    return _number(v)
+
+
+described(_rise, {"type": ["number", "string"]})
+
+
 def _region(v):
     """A region's name, or its description."""
     if isinstance(v, str):
@@ -240,6 +253,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "cell": Key(_list_of(_either(_positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
         "origin": _POINT,
         "strain": Key(_list_of(_V3, 3), "the displacement gradient of a periodic cell, three rows of three numbers"),
+        "temperature": Key(_rise, "how far it has risen, a number or a formula of x, y, z, e.g. '100*x/0.01'"),
         "periodic": Key(_list_of(_boolean, 3), "three of true and false, e.g. [true, true, false]"),
     },
     "regions": {},
