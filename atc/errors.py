@@ -1,5 +1,7 @@
 """The one exception a user of atc is meant to see, and its warnings."""
 
+import contextlib
+
 
 class AtcError(Exception):
     """Input that cannot be used: one line that names the file, key or line, what was expected and what to do.
@@ -29,3 +31,23 @@ def logger():
     if not found.handlers:
         found.addHandler(logging.NullHandler())
     return found
+
+
+@contextlib.contextmanager
+def heard():
+    """The sentences of all warnings of atc in the meantime, which are shown as ever."""
+    import warnings
+
+    said: list[str] = []
+    show = warnings.showwarning
+
+    def listen(message, category, *more, **named):
+        if issubclass(category, AtcWarning):
+            said.append(str(message))
+        show(message, category, *more, **named)
+
+    warnings.showwarning = listen
+    try:
+        yield said
+    finally:
+        warnings.showwarning = show

@@ -1,13 +1,11 @@
-"""`atc report`: an output of `atc fields` as one HTML page that a person reads, and prints: what was computed from
-what, pictures, profiles, Hardy against virial, errors and their kinds, warnings, the scene.
+"""`atc report`: an output of `atc fields` or `atc twin` as one HTML page that a person reads, and prints: what was
+computed from what, pictures, profiles, Hardy against virial, errors and their kinds, warnings, the scene.
 
 The page holds everything it shows: no file, script or address is loaded with it. All text is escaped.
 """
 
 from __future__ import annotations
 
-import base64
-import io
 import os
 from html import escape
 from pathlib import Path
@@ -15,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from .html import document, facts, figure_of, table, warned_of
 
 #: What is drawn, as far as it is there: field, component, what is drawn over it.
 PICTURES = (
@@ -40,28 +39,6 @@ _ERRORS = (
     ("error_expected", "expected anywhere", "at the worst of all points, by those found"),
     ("input_error", "input", "how far the field moves when atoms move by what the digits of the file hide"),
 )
-_STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; color: #1c1c1c; background: #fff;
-       max-width: 62rem; margin: 2rem auto; padding: 0 1.2rem; }
-h1 { font-size: 1.6rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2.2rem 0 .6rem;
-     border-bottom: 1px solid #ccc; padding-bottom: .2rem; }
-.sub { color: #555; margin: 0 0 1rem; }
-table { border-collapse: collapse; margin: .4rem 0 1rem; font-size: .9rem; }
-th, td { padding: .18rem .7rem .18rem 0; text-align: left; vertical-align: top; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
-thead th { border-bottom: 1px solid #999; font-weight: 600; } tbody tr:nth-child(even) { background: #f6f6f6; }
-table.facts th { font-weight: 600; color: #444; white-space: nowrap; } table.facts tbody tr { background: none; }
-figure { margin: 1rem 0 1.6rem; } figure img { max-width: 100%; height: auto; }
-figure.half { display: inline-block; width: 48%; margin-right: 1%; vertical-align: top; }
-figcaption { color: #555; font-size: .85rem; }
-ul.warn { background: #fff6e0; border-left: 4px solid #d99a00; padding: .6rem 1rem .6rem 2rem; }
-pre { background: #f6f6f6; padding: .8rem 1rem; overflow-x: auto; font-size: .82rem; white-space: pre-wrap;
-      overflow-wrap: anywhere; }
-caption { text-align: left; font-weight: 600; padding: .6rem 0 .2rem; }
-@media print { body { max-width: none; margin: 0; font-size: 11pt; } h2 { break-after: avoid; }
-  figure, table, tr { break-inside: avoid; } pre { overflow: visible; } }
-"""
 
 
 def report(out, target=None, *, species=None, units=None, warned=(), title=None) -> Path:
@@ -82,7 +59,7 @@ def report(out, target=None, *, species=None, units=None, warned=(), title=None)
 
     Raises
     ------
-    AtcError : for what is no output of `atc.fields`, or a page that cannot be written
+    AtcError : for what is no output of `atc.fields` or `atc.twin`, or a page that cannot be written
     """
     import xarray as xr
 
@@ -94,16 +71,17 @@ def report(out, target=None, *, species=None, units=None, warned=(), title=None)
         if isinstance(out, xr.Dataset):
             raise AtcError("report: give the file to write")
         target = Path(out).with_suffix(".html")
-    target = Path(target)
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise AtcError(f"{target}: expected a name that ends in .html")
-    if not target.parent.is_dir():
-        raise AtcError(f"{target}: there is no directory {target.parent}: make it, or choose another place")
+    target = page_path(target)
     ds = load(out)
-    if "quantities" not in ds.attrs:
-        raise AtcError(f"{name}: is no output of atc fields: there is no report of it")
+    if not {"quantities", "twin"} & {*ds.attrs}:
+        raise AtcError(f"{name}: is no output of atc fields or atc twin: there is no report of it")
     ds = ds if units is None else in_units(ds, units)
-    text = page(ds, title or name, species=species, warned=warned)
+    if "twin" in ds.attrs:
+        from .twin_page import twin_page
+
+        text = twin_page(ds, title or str(ds.attrs.get("name", name)), warned)
+    else:
+        text = page(ds, title or name, species=species, warned=warned)
     part = target.with_name(f".{target.name}.partial")
     try:
         part.write_text(text, encoding="utf-8")
@@ -112,6 +90,16 @@ def report(out, target=None, *, species=None, units=None, warned=(), title=None)
         raise AtcError(f"{target}: cannot be written: {e.strerror or e}") from None
     finally:
         part.unlink(missing_ok=True)
+    return target
+
+
+def page_path(target) -> Path:
+    """The path, if a page can stand there."""
+    target = Path(target)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise AtcError(f"{target}: expected a name that ends in .html")
+    if not target.parent.is_dir():
+        raise AtcError(f"{target}: there is no directory {target.parent}: make it, or choose another place")
     return target
 
 
@@ -127,9 +115,7 @@ def page(ds, title: str, species=None, warned=()) -> str:
         _facts(ds),
     ]
     said = _warnings(ds, warned)
-    if said:
-        items = "".join(f"<li>{escape(s)}</li>" for s in said)
-        body += ["<h2>Warnings and notes</h2>", f'<ul class="warn">{items}</ul>']
+    body += warned_of(said)
     for label, part in parts:
         body += [f"<h2>Fields{f' of {escape(label)}' if label else ''}</h2>", *_pictures(part), *_profile(part)]
         body += _compared(part)
@@ -137,13 +123,7 @@ def page(ds, title: str, species=None, warned=()) -> str:
     scene = str(ds.attrs.get("scene", "")).strip()
     if scene:
         body += ["<h2>The scene</h2>", f"<pre>{escape(scene)}</pre>"]
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{_STYLE}</style></head>\n<body>\n"
-        + "\n".join(body)
-        + "\n</body></html>\n"
-    )
+    return document(title, body)
 
 
 def _parts(ds, species):
@@ -156,22 +136,6 @@ def _parts(ds, species):
 
 
 # --- tables
-
-
-def _table(rows, head=(), caption="", numbers=(), kind="") -> str:
-    """Rows of cells as HTML; `numbers`: which columns are numbers."""
-
-    def cells(row, tag):
-        return "".join(f'<{tag}{" class=" + chr(34) + "n" + chr(34) if k in numbers else ""}>{escape(str(c))}</{tag}>'
-                       for k, c in enumerate(row))  # fmt: skip
-
-    out = [f'<table class="{kind}">' if kind else "<table>"]
-    if caption:
-        out.append(f"<caption>{escape(caption)}</caption>")
-    if head:
-        out.append(f"<thead><tr>{cells(head, 'th')}</tr></thead>")
-    out.append("<tbody>" + "".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows) + "</tbody></table>")
-    return "".join(out)
 
 
 def _facts(ds) -> str:
@@ -205,8 +169,7 @@ def _facts(ds) -> str:
     rows.insert(
         2, ("units", f"{a.get('units', '')}" + (f"; shown in {a['output_units']}" if a.get("output_units") else ""))
     )
-    head = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in rows)
-    return f'<table class="facts"><tbody>{head}</tbody></table>'
+    return facts(rows)
 
 
 def _warnings(ds, warned) -> list[str]:
@@ -248,26 +211,10 @@ def _errors(ds) -> str:
     head = ["field", "unit", *(title for _, title, _ in _ERRORS), "statistical"]
     notes = [f"{title}: {what}" for _, title, what in _ERRORS]
     notes.append("statistical: rms standard error of the time average, over the largest value")
-    return _table(rows, head, numbers=range(2, len(head))) + f'<p class="sub">{escape("; ".join(notes))}.</p>'
+    return table(rows, head, numbers=range(2, len(head))) + f'<p class="sub">{escape("; ".join(notes))}.</p>'
 
 
 # --- pictures
-
-
-def _figure(fig, words: str) -> str:
-    import matplotlib as mpl
-
-    from ..pictures.drawing import STYLE
-
-    with mpl.rc_context(STYLE):
-        held = io.BytesIO()
-        fig.savefig(held, format="png", dpi=110, metadata={"Software": None})
-    data = base64.b64encode(held.getvalue()).decode()
-    half = ' class="half"' if fig.get_size_inches()[0] < 5.5 else ""
-    return (
-        f'<figure{half}><img alt="{escape(words, quote=True)}" src="data:image/png;base64,{data}">'
-        f"<figcaption>{escape(words)}</figcaption></figure>"
-    )
 
 
 def _pictures(ds) -> list[str]:
@@ -294,7 +241,7 @@ def _pictures(ds) -> list[str]:
             except AtcError:
                 continue
         said = str(ds[name].attrs.get("long_name", name))
-        out.append(_figure(fig, f"{said[:1].upper()}{said[1:]}" + (f", {comp}" if comp else "")))
+        out.append(figure_of(fig, f"{said[:1].upper()}{said[1:]}" + (f", {comp}" if comp else "")))
     return out or ["<p>There is no field on a grid to draw.</p>"]
 
 
@@ -333,7 +280,9 @@ def _profile(ds) -> list[str]:
         ax.spines[["top", "right"]].set_visible(False)
         if tensor:
             ax.legend()
-    return [_figure(fig, f"Profiles along {place.dims[k]}: means over the cross-section, empty space counted as empty")]
+    return [
+        figure_of(fig, f"Profiles along {place.dims[k]}: means over the cross-section, empty space counted as empty")
+    ]
 
 
 def _compared(ds) -> list[str]:
@@ -348,7 +297,7 @@ def _compared(ds) -> list[str]:
     out = ["<h2>Hardy against virial</h2>"]
     try:
         out.append(
-            _figure(compare_figure(found), "Hardy's stress, the virial stress, and their difference in one scale")
+            figure_of(compare_figure(found), "Hardy's stress, the virial stress, and their difference in one scale")
         )
     except AtcError:
         pass
@@ -359,5 +308,5 @@ def _compared(ds) -> list[str]:
         columns = list(dict.fromkeys(k for r in rows for k in r if k not in ("section", "name")))
         cells = [[r["name"], *(_cell(c, r.get(c)) for c in columns)] for r in rows]
         head = ["", *(_heading(c, found.units) for c in columns)]
-        out.append(_table(cells, head, section, numbers=range(1, len(head))))
+        out.append(table(cells, head, section, numbers=range(1, len(head))))
     return out + [f"<p>{escape(n)}.</p>" for n in found.notes]

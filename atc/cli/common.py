@@ -97,7 +97,8 @@ Select = Annotated[
     typer.Option(
         "--select",
         metavar="WORDS",
-        help='Only of some atoms, in words of MDAnalysis, e.g. "type 1 2"; more ways: [select] in the scene.',
+        help='Only of some atoms, in words of MDAnalysis, e.g. "type 1 2", or "group:wall", a group of the script; '
+        "more ways: [select] in the scene.",
         show_default=False,
     ),
 ]
@@ -131,28 +132,6 @@ Species = Annotated[
         "--species", metavar="NAME", help="Of fields taken apart, whose (see --by of atc fields).", show_default=False
     ),
 ]
-
-
-@contextlib.contextmanager
-def heard():
-    """The sentences of all warnings of atc in the meantime, which are shown as ever."""
-    import warnings
-
-    from ..errors import AtcWarning
-
-    said: list[str] = []
-    show = warnings.showwarning
-
-    def listen(message, category, *more, **named):
-        if issubclass(category, AtcWarning):
-            said.append(str(message))
-        show(message, category, *more, **named)
-
-    warnings.showwarning = listen
-    try:
-        yield said
-    finally:
-        warnings.showwarning = show
 
 
 def select_atoms(scene, select, by, bonds):

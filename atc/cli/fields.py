@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import AtcError
+from ..errors import AtcError, heard
 from .common import (
     Begin,
     By,
@@ -24,7 +24,6 @@ from .common import (
     Set,
     Step,
     duration,
-    heard,
     kept_on_interrupt,
     load_scene,
     progress_bar,

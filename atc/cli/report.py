@@ -16,7 +16,7 @@ def register(app) -> None:
 
 
 def report(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields.", show_default=False)],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields or atc twin.", show_default=False)],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="PAGE", help="The page; default OUT.html.", show_default=False),
@@ -25,7 +25,8 @@ def report(
     units: PublishedUnits = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Do not print the page's name.")] = False,
 ) -> None:
-    """Write one HTML page about an output: pictures, profiles, Hardy against virial, errors, warnings, the scene."""
+    """Write one HTML page about an output: pictures, profiles, Hardy against virial, errors, warnings, the scene; of a
+    twin its material, norms and differences."""
     from ..analysis.page import report as write
 
     path = write(out, output, species=species, units=units)

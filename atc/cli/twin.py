@@ -40,7 +40,11 @@ def register(app: typer.Typer) -> None:
         ] = None,
         movie: Annotated[
             Path | None,
-            typer.Option("--movie", metavar="FILE.gif", help="The same, frame by frame.", show_default=False),
+            typer.Option("--movie", metavar="FILE", help="The same, frame by frame: .gif or .mp4.", show_default=False),
+        ] = None,
+        report: Annotated[
+            Path | None,
+            typer.Option("--report", metavar="FILE.html", help="One page about it all.", show_default=False),
         ] = None,
         overwrite: Overwrite = False,
         quiet: Quiet = False,
@@ -50,8 +54,10 @@ def register(app: typer.Typer) -> None:
 
         Needs [trajectory] with a reference, [potential], [kernel], [grid] and [twin].
         """
+        from ..analysis.page import page_path
+        from ..analysis.page import report as write_page
         from ..pictures.drawing import picture_kind
-        from ..twins.drawing import movie_path
+        from ..pictures.movies import movie_path
         from ..twins.run import twin as twin_of
 
         made = load_scene(scene, set, begin, end, step)
@@ -64,6 +70,8 @@ def register(app: typer.Typer) -> None:
             picture_kind(picture)
         if movie is not None:
             movie_path(movie)
+        if report is not None:
+            page_path(report)
         with progress_bar(quiet) as progress:
             result = twin_of(made, tell=None if quiet else print, progress=progress)
         if not quiet:
@@ -73,3 +81,7 @@ def register(app: typer.Typer) -> None:
             result.movie(movie)
             if not quiet:
                 print(f"movie: {movie}")
+        if report is not None:
+            write_page(result.dataset, report)
+            if not quiet:
+                print(f"report: {report}")

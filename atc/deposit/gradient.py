@@ -14,6 +14,7 @@ import numpy as np
 
 from ..compiled import njit, specialise
 from ..errors import AtcError
+from ..kernels.binned import profile_of
 from ..simd import JIT
 
 # Replaced in each copy (see `compiled.specialise`).
@@ -250,7 +251,7 @@ def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient, squared=False):
     axis = bound.axis
     height = cell.heights[axis]
     normal = cell.inverse[:, axis] * height
-    marginal = kernel.marginal(normal)
+    marginal = profile_of(kernel, bound)
     z = (np.asarray(x_nc) - cell.origin) @ normal
     periodic = bool(cell.periodic[axis])
     if periodic:

@@ -29,11 +29,15 @@ class CompiledProfile:
     name : of the loop's copy
     constants : (r, R_m, c_mk, k), once a bond: fills the array k
     mean : (z, r, R_m, c_mk, k) -> vec4, the mean of φ₁(z − t r) over t in [0, 1] for four z
+    integral, second : (z, m, R_m, c_mk) -> I(z) = ∫₀^z φ₁ and ∫₀^z I of piece m alone, for one z; what means over bins
+        are made of (see `binned`)
     """
 
     name: str
     constants: Callable
     mean: Callable
+    integral: Callable | None = None
+    second: Callable | None = None
 
 
 @njit(**JIT_FMA)
@@ -110,6 +114,28 @@ def _half_open(z, r, radii_m, coef_mk, k):
     return load4(k, SCRATCH)
 
 
+@njit(**JIT_FMA)
+def _integral(z, m, radii_m, coef_mk):
+    """∫₀^z Σ c_k (|z|/R)^k = R v Σ c_k |v|^k/(k + 1), constant beyond |v| = 1."""
+    v = min(abs(z) / radii_m[m], 1.0)
+    total = 0.0
+    for k in range(coef_mk.shape[1] - 1, -1, -1):
+        total = total * v + coef_mk[m, k] / (k + 1.0)
+    total *= v * radii_m[m]
+    return total if z >= 0.0 else -total
+
+
+@njit(**JIT_FMA)
+def _second(z, m, radii_m, coef_mk):
+    """∫₀^z of that: R² v² Σ c_k |v|^k/((k + 1)(k + 2)), beyond |v| = 1 along its tangent."""
+    R = radii_m[m]
+    v = min(abs(z) / R, 1.0)
+    total = 0.0
+    for k in range(coef_mk.shape[1] - 1, -1, -1):
+        total = total * v + coef_mk[m, k] / ((k + 1.0) * (k + 2.0))
+    return total * v * v * R * R + max(abs(z) - R, 0.0) * _integral(R, m, radii_m, coef_mk)
+
+
 class Marginal:
     """φ₁(z) = Σ_m Σ_k c_mk (|z|/R_m)^k, each m only for |z| < R_m: a kernel integrated over the planes normal to z; ∫φ₁
     dz = 1."""
@@ -149,6 +175,17 @@ class Marginal:
             total += R * u * np.polynomial.polynomial.polyval(u, c / (np.arange(7) + 1.0))
         return 0.5 + np.sign(z) * total
 
+    def second(self, z):
+        """∫₀^z (∫₀^z φ₁): even, and |z|/2 less a constant far out."""
+        z = np.abs(np.asarray(z, float))
+        total = np.zeros_like(z)
+        k = np.arange(7)
+        for R, c in zip(self.radii, self.coef_mk):
+            u = np.minimum(z / R, 1.0)
+            total += R * R * u * u * np.polynomial.polynomial.polyval(u, c / ((k + 1.0) * (k + 2.0)))
+            total += np.maximum(z - R, 0.0) * R * (c / (k + 1.0)).sum()
+        return total
+
     def slope(self, z):
         """dφ₁/dz."""
         z = np.asarray(z, float)
@@ -178,5 +215,5 @@ class Marginal:
         return np.where(at_rest, self.phi(d), total) if self.half_open else total
 
 
-_POLYNOMIAL = CompiledProfile("polynomial", reciprocals, _polynomial)
-_HALF_OPEN = CompiledProfile("box", reciprocals, _half_open)
+_POLYNOMIAL = CompiledProfile("polynomial", reciprocals, _polynomial, _integral, _second)
+_HALF_OPEN = CompiledProfile("box", reciprocals, _half_open, _integral, _second)

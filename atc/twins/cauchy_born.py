@@ -33,6 +33,10 @@ class CauchyBornTwin:
     temperature: float | None = None
 
     @property
+    def crystal_vv(self) -> np.ndarray:
+        return self.wanted_vv
+
+    @property
     def error(self) -> float:
         """The largest difference of the nodes' constants from the crystal's, relative to the largest constant."""
         return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())

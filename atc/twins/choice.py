@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
+from ..upscaling.cauchy_born import turned
 from .material import isotropic
 
 
@@ -47,6 +48,7 @@ def twin_material(get, crystal, model, axes, made, reference):
 
         return smoothed(crystal, model, axes, reference, made, get("nodes") == "atoms")
     found = isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon)
+    found.crystal_vv = turned(found.C.C_vv, axes)
     if get("fracture"):
         from ..pd import CriticalStretch
         from ..upscaling.surfaces import cleavage

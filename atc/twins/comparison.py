@@ -83,6 +83,32 @@ def norms(data, names, bulk, deep=1.0) -> list[dict]:
     return rows
 
 
+def add_norms(data, rows) -> None:
+    """The norms into the dataset, as norm_* over fields and regions."""
+    fields, places = (list(dict.fromkeys(r[k] for r in rows)) for k in ("field", "where"))
+    data.coords["norm_field"], data.coords["norm_where"] = fields, places
+    for key in ("points", "md_rms", "pd_rms", "difference_rms", "relative", "md_standard_error"):
+        table = np.full((len(fields), len(places)), np.nan)
+        for r in rows:
+            table[fields.index(r["field"]), places.index(r["where"])] = r[key]
+        data[f"norm_{key}"] = (("norm_field", "norm_where"), table)
+
+
+def add_constants(data, units, material) -> None:
+    """Elastic constants of the crystal, the material and its nodes along the run's axes, as far as it tells them."""
+    names = ["xx", "yy", "zz", "yz", "xz", "xy"]
+    data.coords["voigt_1"] = data.coords["voigt_2"] = names
+    for name, key, what in (
+        ("elastic_crystal", "crystal_vv", "of the crystal at rest"),
+        ("elastic_material", "wanted_vv", "that the material means to have"),
+        ("elastic_nodes", "sampled_vv", "that the sums over nodes make of it"),
+    ):
+        if (C := getattr(material, key, None)) is not None:
+            values = units.to_user("pressure", C)
+            attrs = {"units": units.label("pressure"), "long_name": f"elastic constants {what}"}
+            data[name] = (("voigt_1", "voigt_2"), values, attrs)
+
+
 def away_from_surfaces(simulation, points_gc, reach) -> np.ndarray:
     """(g,) which points have within `reach` only nodes whose families are whole: what surfaces do to a family does not
     show there."""

@@ -23,20 +23,26 @@ class NearestBonds:
         d = np.sort(np.linalg.norm(r, axis=1))
         second = d[np.searchsorted(d, 1.02 * d[0])]
         self.longest = 0.5 * (d[0] + second)
-        self.i, self.j, _, self.image = neighbor_list(reference.positions, reference.cell, self.longest)
+        self.i, self.j, self.r_bc, self.image = neighbor_list(reference.positions, reference.cell, self.longest)
         self.reference = reference
         self.count_n = np.bincount(self.i, minlength=len(reference)) + np.bincount(self.j, minlength=len(reference))
 
-    def lost(self, frame) -> np.ndarray:
-        """(n,) share of each atom's bonds that are longer now."""
+    def gone(self, frame) -> np.ndarray:
+        """(b,) which bonds are longer now."""
         from .conditions import displacement
 
         x = self.reference.positions + displacement(frame, self.reference)
         r = x[self.i] - x[self.j] - self.image @ frame.cell.vectors
-        gone = np.einsum("bc,bc->b", r, r) > self.longest**2
-        n = len(frame)
-        lost = np.bincount(self.i, gone, n) + np.bincount(self.j, gone, n)
-        return lost / np.maximum(self.count_n, 1)
+        return np.einsum("bc,bc->b", r, r) > self.longest**2
+
+    def share(self, gone_b) -> np.ndarray:
+        """(n,) share of each atom's bonds that these are."""
+        n = len(self.reference)
+        return (np.bincount(self.i, gone_b, n) + np.bincount(self.j, gone_b, n)) / np.maximum(self.count_n, 1)
+
+    def lost(self, frame) -> np.ndarray:
+        """(n,) share of each atom's bonds that are longer now."""
+        return self.share(self.gone(frame))
 
 
 def on_grid(frame, kernel, points_gc, damage_n) -> np.ndarray:

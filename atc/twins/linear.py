@@ -35,6 +35,10 @@ class LinearTwin:
     wanted_vv: np.ndarray
 
     @property
+    def crystal_vv(self) -> np.ndarray:
+        return self.C.C_vv
+
+    @property
     def error(self) -> float:
         return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())
 

@@ -19,6 +19,7 @@ class Isotropic:
     material : PMB or LPS. bulk, shear : K and G. anisotropy : Zener's A = 2 C44/(C11 − C12). C : ElasticConstants
     sampled_vv : (6, 6) elastic constants that the nodes of a periodic body of this spacing and horizon have
     wanted_vv : those that the material means to have (of PMB with Poisson's ratio 1/4)
+    crystal_vv : (6, 6) those of the crystal along the body's axes
     damage : pd.CriticalStretch, surface : `upscaling.surfaces.Surface` it is from; None where bonds do not break
     """
 
@@ -29,6 +30,7 @@ class Isotropic:
     C: object
     sampled_vv: np.ndarray
     wanted_vv: np.ndarray
+    crystal_vv: np.ndarray = None
     damage: object = None
     surface: object = None
 

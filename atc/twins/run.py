@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import AtcError, AtcWarning
+from ..errors import AtcError, AtcWarning, heard
 from ..frame import Frame
 from ..upscaling.crystal import Crystal, evaluate, relax
 from .body import TwinBody, body_of, body_of_atoms
 from .choice import atoms_horizon, horizon_of, orientation, twin_material
-from .comparison import PAIRS, away_from_surfaces, dataset_of, norms, without_cohesion
+from .comparison import PAIRS, add_constants, add_norms, away_from_surfaces, dataset_of, norms, without_cohesion
 from .conditions import (
     Run,
     between,
@@ -25,8 +25,8 @@ from .conditions import (
     history,
     smoothed_displacement,
 )
+from .crack import Crack, add_crack, crack_lines, unit_vector
 from .damage import NearestBonds, add_damage, on_grid
-from .drawing import movie, picture
 from .outside import from_script
 
 
@@ -79,19 +79,16 @@ class Twin:
 
     def picture(self, path) -> Path:
         """MD, PD and difference of the displacement and the stress along the axis of the largest mean stress."""
+        from ..pictures.twins import picture
+
         frames = self.dataset.sizes["frame"]
-        return picture(self.dataset, path, self._components(), f"{self.name}: means of {frames} frames")
+        return picture(self.dataset, path, f"{self.name}: means of {frames} frames")
 
     def movie(self, path) -> Path:
         """The same, and damage where bonds break, frame by frame: an animated GIF."""
-        return movie(self.dataset, path, self._components(), self.name)
+        from ..pictures.twins import movie
 
-    def _components(self) -> list:
-        ds = self.dataset
-        k = int(np.argmax(np.abs(np.diag(ds["md_box_stress"].mean("frame").values))))
-        c = "xyz"[k]
-        damage = [("damage", (), "damage")] if "md_damage" in ds else []
-        return [("displacement", (k,), f"u_{c}"), ("stress", (k, k), f"stress {c}{c}"), *damage]
+        return movie(self.dataset, path, self.name)
 
 
 def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
@@ -119,11 +116,18 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     Body, conditions and comparison: see ``docs/twin.md``. The twin is cold: the kinetic part of the MD's stress, its
     thermal expansion and its thermal softening have no counterpart in it.
     """
-    import time
-
     from ..config.scene import Scene
 
     scene = scene if isinstance(scene, Scene) and not set else Scene.load(scene, set)
+    with heard() as warned:
+        found = _twin(scene, tell, progress)
+    found.dataset.attrs["warnings"] = "\n".join(dict.fromkeys(warned))
+    return found
+
+
+def _twin(scene, tell, progress) -> Twin:
+    import time
+
     began = time.perf_counter()
     get = lambda key, default=None: scene.get("twin", key, default)  # noqa: E731
     given = _inputs(scene)
@@ -163,7 +167,8 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
             tell(line)
 
     bonds = NearestBonds(reference, crystal) if getattr(material, "damage", None) is not None else None
-    md_damage, pd_damage, broken = [], [], []
+    crack = _crack(scene, get, made, reference, kernel, bonds, sim)
+    md_damage, pd_damage, broken, tips, spent = [], [], [], [], []
     found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
     names.append("energy")
     for k in range(len(frames)):
@@ -175,11 +180,11 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
             md_damage.append(on_grid(frames[k], kernel, points, lost[0]))
             pd_damage.append(on_grid(_nodes(sim, u), kernel, points, lost[1]))
             broken.append([d.mean() for d in lost])
+            spent.append(sim.energies().dissipated_fracture)
+        if crack is not None:
+            tips.append(crack.measure(frames[k]))
         if progress is not None:
             progress(k + 1, len(frames), (k + 1) / (time.perf_counter() - began))
-    lines += (said := material.after(sim))
-    for line in said if tell is not None else ():
-        tell(line)
     from .. import fields
 
     md = fields(
@@ -197,12 +202,25 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     without_cohesion(data, ("md", "pd") if hasattr(material, "frame") else ("md",), u, cohesion)
     if bonds is not None:
         add_damage(data, md_damage, pd_damage, broken)
+        attrs = {"units": u.label("energy"), "long_name": "energy that went with broken bonds, PD"}
+        data["pd_dissipated_energy"] = ("frame", u.to_user("energy", np.array(spent)), attrs)
         names.append("damage")
+    said = list(material.after(sim))
+    if crack is not None:
+        add_crack(data, u, times, tips)
+        said += crack_lines(data)
+    lines += said
+    for line in said if tell is not None else ():
+        tell(line)
     bulk = float(u.to_user("density", crystal.density))
     bound = grid.bind(u, sim.cell)
     deep = away_from_surfaces(sim, bound.points_gc, kernel.support).reshape(bound.shape)
     rows = norms(data, names, bulk, deep)
+    add_norms(data, rows)
+    add_constants(data, u, material)
+    data["bulk_density"] = ((), bulk, {"units": u.label("density"), "long_name": "density of the crystal at rest"})
     data.attrs.update(
+        name=scene.name,
         title="a molecular-dynamics run and its peridynamic twin",
         twin="\n".join(lines),
         kernel=md.attrs.get("kernel", ""),
@@ -291,6 +309,26 @@ def _indenter(scene, get, units):
         get(keys[1]) * units.length,
         get(keys[2]) * units.factor("force") / units.length**2,
     )
+
+
+def _crack(scene, get, made, reference, kernel, bonds, sim):
+    """What follows the crack, where [twin] says along which direction it runs."""
+    if get("crack_direction") is None:
+        if get("crack_normal") is not None:
+            raise AtcError(f"{scene.where('twin', 'crack_normal')}: [twin] crack_normal needs crack_direction too")
+        return None
+    if bonds is None:
+        raise AtcError(
+            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction: a crack is followed where bonds break: "
+            "fracture = true"
+        )
+    if get("crack_normal") is None:
+        raise AtcError(
+            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction needs crack_normal too, the normal of "
+            "the crack's plane"
+        )
+    along, normal = (unit_vector(get(k), k) for k in ("crack_direction", "crack_normal"))
+    return Crack(made, reference, kernel, bonds, sim, along, normal)
 
 
 def _start(first, reference, made, material, conditions, forces, motion):
@@ -390,10 +428,11 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames, scr
         )
     )
     lines += script
+    stable = p("time", sim.time_step_stable)
     if motion == "dynamic":
-        lines.append(
-            f"time step {p('time', 0.7 * sim.time_step_stable)} (surely stable below {p('time', sim.time_step_stable)})"
-        )
+        lines.append(f"stable step: surely below {stable}; taken are at most {p('time', 0.7 * sim.time_step_stable)}")
+    elif np.isfinite(sim.time_step_stable):
+        lines.append(f"stable step: {stable}; of no use in an equilibrium")
     lines.append(
         "left out: "
         + ("" if getattr(material, "temperature", None) else "temperature (kinetic stress, expansion, softening), ")

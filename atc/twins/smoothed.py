@@ -237,6 +237,10 @@ class SmoothedTwin:
     shear: float
     atoms: bool
 
+    @property
+    def crystal_vv(self) -> np.ndarray:
+        return self.C.C_vv
+
     def lines(self, units) -> list[str]:
         """What it is, what it gets exactly and what not: for a person."""
         n = len(self.material.fc.crystal)

@@ -251,7 +251,7 @@ class CrystalLaw:
         if warm is not None:
             h = 1e-5 * np.eye(6)
             C = C + (warm(h)[1] - warm(-h)[1]) / 2e-5
-        self.moduli_vv = _turned(0.5 * (C + C.T), self.axes)
+        self.moduli_vv = turned(0.5 * (C + C.T), self.axes)
 
     def __call__(self, H_ncc) -> tuple[np.ndarray, np.ndarray]:
         """(n,) W and (n, 3, 3) P at displacement gradients H = F − 1.
@@ -316,7 +316,7 @@ def size_of(E_nv) -> np.ndarray:
     return np.sqrt((E_nv**2) @ np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5]))
 
 
-def _turned(C_vv, Q) -> np.ndarray:
+def turned(C_vv, Q) -> np.ndarray:
     """Elastic constants along axes in which the crystal's own are the rows of Q."""
     C = np.empty((3, 3, 3, 3))
     for (a, (i, j)), (b, (k, l)) in product(enumerate(VOIGT), repeat=2):

@@ -1,0 +1,173 @@
+"""Pictures of a run and its twin: MD, PD and their difference, of the means over the frames or frame by frame; profiles
+and histories of both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import AtcError
+
+
+def components_of(data) -> list:
+    """[(field, index, label)] to draw: displacement and stress along the axis of the largest mean stress, damage."""
+    k = int(np.argmax(np.abs(np.diag(data["md_box_stress"].mean("frame").values))))
+    c = "xyz"[k]
+    damage = [("damage", (), "damage")] if "md_damage" in data else []
+    return [("displacement", (k,), f"u_{c}"), ("stress", (k, k), f"stress {c}{c}"), *damage]
+
+
+def picture(data, path, title, components=None):
+    """MD, PD and their difference as maps of time averages, one row for each component (field, index, label)."""
+    import matplotlib as mpl
+
+    from .drawing import STYLE, save
+
+    with mpl.rc_context(STYLE):
+        return save(drawn(data, title, components), path)
+
+
+def movie(data, path, title, components=None, rate: float = 5.0) -> Path:
+    """The same frame by frame as a movie (.gif, .mp4), `rate` frames a second, with the same colours in all of them."""
+    from .movies import write_movie
+
+    components = components or components_of(data)
+    limits = [_largest(data, name, index) for name, index, _ in components]
+    figures = (
+        drawn(data.isel(frame=[k]), f"{title}, frame {k + 1}", components, limits) for k in range(data.sizes["frame"])
+    )
+    return write_movie(path, figures, rate)
+
+
+def _largest(data, name, index) -> tuple[float, float]:
+    """The largest |value| of both sides, and of their difference, in matter and over all frames."""
+    inside = _matter(data)
+    out = []
+    for sides in (("md", "pd"), ("difference",)):
+        v = np.concatenate([data[f"{s}_{name}"].values[inside][(slice(None), *index)] for s in sides])
+        v = np.abs(v[np.isfinite(v)])
+        out.append(float(v.max()) if len(v) and v.max() > 0 else 1.0)
+    return out[0], out[1]
+
+
+def drawn(data, title, components=None, limits=None):
+    """The figure of `picture`. limits : of the colours, (both sides, difference) of each component; default: their
+    own."""
+    from matplotlib.figure import Figure
+
+    from .drawing import colours, draw_map, figure, titled
+    from .geometry import cut, points_of_grid, unit_text
+
+    components = components or components_of(data)
+    place = points_of_grid(data, data["md_density"].isel(frame=0))
+    if place.kind not in ("volume", "plane"):
+        raise AtcError(f"a picture of the twin needs a regular or plane grid, this is one of kind {place.kind}")
+    selection, where = {}, ""
+    if place.kind == "volume":
+        place, selection, where = cut(place)
+    fig, axs = figure(Figure, 3 * len(components), 4.2, 3.7, columns=3)
+    axs = axs.reshape(-1, 3)
+    for row, (name, index, label), bound in zip(axs, components, limits or [None] * len(components)):
+        values = []
+        for side in ("md", "pd"):
+            v = data[f"{side}_{name}"].mean("frame").isel(selection).values[(..., *index)]
+            density = data[f"{side}_density"].mean("frame").isel(selection).values
+            values.append(np.where(density >= 0.5 * float(data["bulk_density"]), v, np.nan))
+        values.append(values[1] - values[0])
+        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
+        both = np.abs(np.stack(values[:2]))
+        top = bound[0] if bound else np.nanmax(both) if np.isfinite(both).any() else 1.0
+        for ax, v, side in zip(row, values, ("MD", "PD", "PD - MD")):
+            span = (-top, top) if side != "PD - MD" else (-bound[1], bound[1]) if bound else None
+            draw = colours("", "xx", v, span, False)
+            draw_map(fig, ax, place, place.flat(), v, *draw, f"{side}, {label}" + (f" ({units})" if units else ""))
+    titled(fig, "; ".join(t for t in (title, where) if t))
+    return fig
+
+
+def profiles(data, components=None):
+    """Figure of both sides along an axis of the grid: means over the frames and, in matter, over the cross-section; the
+    MD's with its standard error. Of a displacement the axis is its own, of other fields the longest of the others."""
+    from matplotlib.figure import Figure
+
+    from .drawing import figure
+    from .geometry import points_of_grid, unit_text
+
+    components = components or components_of(data)
+    place = points_of_grid(data, data["md_density"].isel(frame=0))
+    if place.kind not in ("volume", "plane", "line"):
+        raise AtcError(f"profiles need a regular, plane or line grid, this is one of kind {place.kind}")
+    matter = _matter(data)
+    fig, axs = figure(Figure, len(components), 4.2, 3.2)
+    for ax, (name, index, label) in zip(axs.flat, components):
+        along = _axis(place, components[0][1][0], name == "displacement")
+        s, text = place.abscissa(along)
+        for side, style in (("md", "k.-"), ("pd", "C3-")):
+            v = np.where(matter, data[f"{side}_{name}"].values[(..., *index)], np.nan)
+            v = np.moveaxis(v, along + 1, 1).reshape(*v.shape[:1], len(s), -1)
+            counted = np.maximum(np.isfinite(v).sum(axis=2), 1)
+            mean = np.where(np.isfinite(v).any(axis=2), np.nansum(v, axis=2) / counted, np.nan)
+            ax.plot(s, mean.mean(axis=0), style, label=side.upper(), lw=1.0, ms=3)
+            if side == "md" and len(mean) > 1:
+                error = mean.std(axis=0, ddof=1) / len(mean) ** 0.5
+                ax.fill_between(s, mean.mean(0) - error, mean.mean(0) + error, color="0.8", lw=0)
+        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
+        ax.set_xlabel(text)
+        ax.set_ylabel(label + (f" ({units})" if units else ""))
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.legend()
+    return fig
+
+
+def _axis(place, c, itself) -> int:
+    """The dimension of a grid that is nearest to the Cartesian axis c, or the longest of the others."""
+    steps = np.array([s / max(np.linalg.norm(s), 1e-300) for s in place.steps])
+    own = int(np.argmax(np.abs(steps[:, c])))
+    lengths = [np.linalg.norm(s) * n for s, n in zip(place.steps, place.x_gc.shape)]
+    return (
+        own
+        if itself or len(lengths) == 1
+        else max((k for k in range(len(lengths)) if k != own), key=lengths.__getitem__)
+    )
+
+
+#: What has a value a frame and is drawn over time: name without md_ and pd_, index, label.
+_HISTORIES = (
+    *(("box_stress", (k, k), f"mean stress {c}{c}") for k, c in enumerate("xyz")),
+    ("damage_of_body", (), "bonds lost, share"),
+    ("crack_tip", (), "crack tip"),
+    ("crack_area", (), "cracked area"),
+)
+
+
+def histories(data):
+    """Figure of what has one value a frame: the mean stress, damage and the crack, of both sides over time; None where
+    there is one frame."""
+    from matplotlib.figure import Figure
+
+    from .drawing import figure
+    from .geometry import unit_text
+
+    if data.sizes["frame"] < 2:
+        return None
+    t, text = np.arange(data.sizes["frame"]), "frame"
+    if "time" in data.coords and np.isfinite(data["time"].values).all():
+        unit = unit_text(str(data["time"].attrs.get("units", "")))
+        t, text = data["time"].values, "time" + (f" ({unit})" if unit else "")
+    shown = [h for h in _HISTORIES if f"md_{h[0]}" in data and f"pd_{h[0]}" in data]
+    fig, axs = figure(Figure, len(shown), 3.9, 2.8)
+    for ax, (name, index, label) in zip(axs.flat, shown):
+        for side, style in (("md", "k.-"), ("pd", "C3-")):
+            ax.plot(t, data[f"{side}_{name}"].values[(..., *index)], style, label=side.upper(), lw=1.0, ms=3)
+        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
+        ax.set_xlabel(text)
+        ax.set_ylabel(label + (f" ({units})" if units not in ("", "1") else ""))
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.legend()
+    return fig
+
+
+def _matter(data):
+    """(frame, grid) where both sides have at least half of the bulk's density."""
+    return np.fmin(data["md_density"].values, data["pd_density"].values) >= 0.5 * float(data["bulk_density"])

@@ -1,0 +1,153 @@
+"""Where the crack is in a run and in its twin: the tip, its speed, the cracked area, from the bonds that both have
+lost."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import AtcError
+from ..frame import Frame
+from ..pd.damage import damage_n
+from .smoothing import Smoothing
+
+#: Straight cuts that tell what a crack's damage is: how many, and within which part of the body's extent.
+_CUTS, _MIDDLE = 8, (0.35, 0.65)
+
+
+def unit_vector(given, what) -> np.ndarray:
+    """A direction of length 1."""
+    v = np.array(given, float)
+    if not (np.isfinite(v).all() and np.linalg.norm(v) > 0):
+        raise AtcError(f"[twin] {what}: expected a direction that is not 0, e.g. [1, 0, 0]")
+    return v / np.linalg.norm(v)
+
+
+class Crack:
+    """Follows a crack that runs along a direction, in material coordinates (those of the reference).
+
+    Damage of atoms and nodes is smoothed with one kernel at the nodes of the reference. The crack is the largest
+    connected group of nodes with at least half of the damage that a straight cut through the body does there (the
+    median of the largest values of eight cuts), each side by its own; its tip is the furthest place along the
+    direction that reaches this, interpolated. The cracked area is the number of lost bonds over those that a straight
+    cut crosses per area: branches and damage beside the crack count in it.
+
+    Parameters
+    ----------
+    made : TwinBody. reference : Frame. kernel : of internal lengths
+    bonds : NearestBonds of the atoms. sim : pd.Simulation
+    along, normal : (3,) unit vectors, where the crack runs and the normal of its plane
+    """
+
+    def __init__(self, made, reference, kernel, bonds, sim, along, normal):
+        if not abs(along @ normal) < 1e-6:
+            raise AtcError("[twin] crack_normal: must be normal to crack_direction")
+        body = made.body
+        self.X, self.along, self.edge = body.X_nc, along, float(np.linalg.norm(made.step_cc, axis=1).max())
+        self.atoms, self.bonds, self.sim = made.smoothing, bonds, sim
+        nodes = Frame(self.X, body.cell, reference.units, masses=body.rho_n * body.V_n)
+        self.nodes = Smoothing(nodes, kernel, self.X)
+        s_g = self.X @ normal
+        lo, hi = np.quantile(s_g, _MIDDLE)
+        x_atoms, r_atoms = reference.positions @ normal, bonds.r_bc @ normal
+        table = body.bonds
+        xi = table.xi_bc(self.X) @ normal  # from i to j
+        tops, self.per_area = [], np.zeros(2)
+        for s in np.linspace(lo, hi, _CUTS):
+            cut_md = (x_atoms[bonds.i] - s) * (x_atoms[bonds.i] - r_atoms - s) < 0
+            cut_pd = (s_g[table.i_b] - s) * (s_g[table.i_b] + xi - s) < 0
+            tops.append(
+                (
+                    self._smooth(self.atoms, bonds.share(cut_md)).max(),
+                    self._smooth(self.nodes, self._broken(cut_pd)).max(),
+                )
+            )
+            area = body.V_n[np.abs(s_g - s) < 2 * self.edge].sum() / (4 * self.edge)
+            self.per_area += np.array([cut_md.sum(), self._bond_volume(cut_pd)]) / area / _CUTS
+        self.least = 0.5 * np.median(tops, axis=0)
+        if not (self.least > 0).all():
+            raise AtcError("[twin] crack_normal: a cut across the body crosses no bonds: the body has no such plane")
+
+    def _broken(self, gone_b):
+        return damage_n(self.sim.body, ~gone_b)
+
+    def _bond_volume(self, gone_b) -> float:
+        """Σ V_i V_j of bonds: long and short ones of a family count as the volumes that they join."""
+        t, V = self.sim.body.bonds, self.sim.body.V_n
+        return float((V[t.i_b] * V[t.j_b])[gone_b].sum())
+
+    @staticmethod
+    def _smooth(smoothing, damage_n):
+        mass = smoothing.weights_gn @ (smoothing.mass_n * damage_n)
+        return np.divide(mass, smoothing.density_g, out=np.zeros(len(mass)), where=smoothing.density_g > 0)
+
+    def measure(self, frame) -> list:
+        """[(tip, area) of the MD, (tip, area) of the PD] now, internal units; no tip (NaN) before anything is lost."""
+        gone_md, gone_pd = self.bonds.gone(frame), np.asarray(self.sim.state.intact_b) == 0
+        found = (
+            (self._smooth(self.atoms, self.bonds.share(gone_md)), gone_md.sum()),
+            (self._smooth(self.nodes, self._broken(gone_pd)), self._bond_volume(gone_pd)),
+        )
+        return [(self._tip(d_g, self.least[k]), lost / self.per_area[k]) for k, (d_g, lost) in enumerate(found)]
+
+    def _tip(self, d_g, least) -> float:
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+        from scipy.spatial import cKDTree
+
+        over = np.flatnonzero(d_g >= least)
+        if not len(over):
+            return np.nan
+        pairs = cKDTree(self.X[over]).query_pairs(1.5 * self.edge, output_type="ndarray")
+        graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(over), len(over)))
+        _, label = connected_components(graph, directed=False)
+        crack = over[label == np.bincount(label).argmax()]
+        s_g = self.X @ self.along
+        end, w = s_g[crack].max(), self.edge
+        front = crack[s_g[crack] > end - 0.5 * w]
+        ahead = (s_g > end + 0.5 * w) & (s_g < end + 1.5 * w)
+        ahead &= cKDTree(self.X[front]).query(self.X)[0] < 1.8 * w
+        if not ahead.any():  # it has come to the end of the body
+            return float(end + 0.5 * w)
+        top, next_ = d_g[front].max(), d_g[ahead].max()
+        return float(end + w * min(1.0, (top - least) / (top - next_))) if top > next_ else float(end)
+
+
+def add_crack(data, units, times, found) -> None:
+    """md_ and pd_crack_tip, _crack_speed and _crack_area into a dataset, of what `Crack.measure` found a frame."""
+    found = np.array(found, float)  # (frames, side, tip or area)
+    length, speed = units.label("length"), units.label("velocity")
+    for k, side in enumerate(("md", "pd")):
+        tip, area = found[:, k].T
+        v = np.full(len(tip), np.nan)
+        known = np.flatnonzero(np.isfinite(tip))
+        if len(known) > 1:
+            v[known] = np.gradient(tip[known], times[known])
+        for name, values, unit, what in (
+            (
+                "crack_tip",
+                units.to_user("length", tip),
+                length,
+                "the crack's tip along crack_direction, in the reference",
+            ),
+            ("crack_speed", units.to_user("velocity", v), speed, "speed of the crack's tip in the reference"),
+            ("crack_area", area / units.length**2, f"{length}^2", "bonds lost over those of a straight cut per area"),
+        ):
+            data[f"{side}_{name}"] = ("frame", values, {"units": unit, "long_name": f"{what}, {side.upper()}"})
+
+
+def crack_lines(data) -> list[str]:
+    """What became of the crack, for a person: the speed is that of a straight line through the tip's places."""
+    unit = str(data["md_crack_tip"].attrs["units"])
+    out = []
+    for side in ("md", "pd"):
+        tip, area = (data[f"{side}_{n}"].values for n in ("crack_tip", "crack_area"))
+        known = np.flatnonzero(np.isfinite(tip))
+        if not len(known):
+            out.append(f"crack, {side.upper()}: there is none")
+            continue
+        v = np.nanmedian(data[f"{side}_crack_speed"].values) if len(known) > 1 else np.nan
+        out.append(
+            f"crack, {side.upper()}: from frame {known[0]} on, tip from {tip[known[0]]:.4g} to {tip[known[-1]]:.4g} "
+            f"{unit}, median speed {v:.4g} {data[f'{side}_crack_speed'].attrs['units']}, area {area[-1]:.4g} {unit}^2"
+        )
+    return out
