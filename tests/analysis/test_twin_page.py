@@ -30,7 +30,9 @@ def ds(tmp_path_factory):
             f.write(f"ITEM: BOX BOUNDS pp pp pp\n0 {n * a * (1 + strain):.15g}\n" + 2 * f"0 {n * a:.15g}\n")
             f.write("ITEM: ATOMS id type x y z vx vy vz\n")
             x = X * [1 + strain, 1, 1]
-            np.savetxt(f, np.column_stack([np.arange(1, len(X) + 1), np.ones(len(X)), x, 0 * x]), "%d %d" + 6 * " %.15g")
+            np.savetxt(
+                f, np.column_stack([np.arange(1, len(X) + 1), np.ones(len(X)), x, 0 * x]), "%d %d" + 6 * " %.15g"
+            )
     given = {
         "trajectory": {"file": str(path), "reference": 0, "frames": "1:", "masses": [39.948]},
         "potential": {"lammps": ARGON},
