@@ -147,7 +147,7 @@ def _twin(scene, tell, progress) -> Twin:
         made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, law))
     else:
         made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
-    material = twin_material(get, crystal, law, orientation(scene), made, reference)
+    material = twin_material(get, crystal, law, orientation(scene), made, reference, scene.equilibrium)
 
     run = Run(traj, reference)
     frames = [run[k] for k in range(len(run))]
