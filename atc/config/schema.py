@@ -480,6 +480,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "order": Key(_seed, "a whole number, 0 or more"),
         "reach": Key(_positive, "a length greater than 0, e.g. 8.5"),
         "phonopy": Key(_boolean, "true or false"),
+        "twin": Key(_boolean, "true or false"),
         "blocks": Key(_count, "a number of blocks, e.g. 5"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },

@@ -131,7 +131,7 @@ def fluctuations(traj, crystal: Crystal, blocks: int = 5) -> Fluctuations:
         if not misfit < max(3 * bar, 0.02):
             raise AtcError(
                 f"{a.source}: springs on the shells that the box has whole miss what was measured by "
-                f"{100 * misfit:.2g} %, its error is {100 * bar:.2g} %: forces reach further than that: take a larger box"
+                f"{100 * misfit:.2g} %, its error is {100 * bar:.2g} %: forces reach further: take a larger box"
             )
     return Fluctuations(one, fc, a.k_kc, D, relative, elastic, C_error, a.temperature, frames, blocks, a.source)
 
