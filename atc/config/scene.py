@@ -393,7 +393,7 @@ class Scene(Document):
         if self.get("twin", "equilibrium") is None:
             return self.trajectory()
         path = self.path("twin", "equilibrium")
-        if not path.exists():
+        if path is None or not path.exists():
             raise self._bad("twin", "equilibrium", f"there is no file {path}")
         from .. import read
 
