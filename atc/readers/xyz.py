@@ -286,8 +286,8 @@ class ExtendedXyz(LammpsTrajectory):
             words = name in KNOWN_FLOATS | INT_COLUMNS and a.dtype.kind not in "fi"
             if words or (name in INT_COLUMNS and a.dtype.kind == "f" and (a != np.rint(a)).any()):
                 raise AtcError(
-                    f"{where}: Properties={comment.keys.get('properties', '')[:80]!r} has no numbers for {name}: expected "
-                    f"R (I for whole ones) in place of {'S or L' if words else 'R'}"
+                    f"{where}: Properties={comment.keys.get('properties', '')[:80]!r} has no numbers for {name}: "
+                    f"expected R (I for whole ones) in place of {'S or L' if words else 'R'}"
                 )
         if "x" not in out:
             raise AtcError(
