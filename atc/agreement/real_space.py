@@ -98,6 +98,7 @@ def coulomb_doubt(frame, pot, threads: int = 1) -> CoulombDoubt | None:
             t.special,
             t.grow and (lambda top, grow=t.grow: [_Bare(s) for s in grow(top) if isinstance(s, CoulombLong)]),
             t.exclusions,
+            t.kinds,
         )
         for t in terms
     ]

@@ -165,10 +165,18 @@ def check(
             apart=apart,
             jumps=found,
             churns=churns,
-            forces_nc=state.forces_nc,
+            forces_nc=_as_in_file(frame, pot, state, threads),
             notes=notes,
         )
     )
+
+
+def _as_in_file(frame, pot, state, threads):
+    """The forces that the file of the run has: without those of constraints where they are known not to be in it."""
+    there = pot.as_in_file(frame)
+    if there.constraints is pot.constraints or there.constraints is not None:
+        return state.forces_nc
+    return there.stream(frame, forces=True, threads=threads).forces_nc
 
 
 def _motion(frame, pot, threads, deposit):

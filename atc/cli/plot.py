@@ -57,9 +57,17 @@ def plot(
     frame: Annotated[
         str,
         typer.Option(
-            "--frame", metavar="N|mean", help="Frame counted from 0 (-1 is the last), or the mean over frames."
+            "--frame",
+            metavar="N|mean|all",
+            help="Frame counted from 0 (-1 is the last), the mean over frames, or all: a profile against time.",
         ),
     ] = "-1",
+    mean: Annotated[
+        str | None,
+        typer.Option(
+            "--mean", metavar="AXES", help="Take means over these axes of the grid, e.g. y or x,y.", show_default=False
+        ),
+    ] = None,
     limits: Annotated[
         str | None, typer.Option("--limits", metavar="LO,HI", help="Limits of the colour scale.", show_default=False)
     ] = None,
@@ -128,6 +136,7 @@ def plot(
         "slice": slice,
         "axis": axis,
         "index": index,
+        "mean": mean,
         "limits": _parse_limits(limits),
         "robust": robust,
         "species": species,

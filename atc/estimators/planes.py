@@ -29,6 +29,21 @@ from .sums import Sums
 #: What is a flux, or a sum of the same kind.
 KNOWN = ("stress", "stress_kinetic", "stress_potential", "momentum", "energy_flux")
 BY_FRAMES = "frames"
+_ROW = (
+    "the row of the normal, and what flows along it, is what passes through the plane; other components are averages "
+    "over the plane along the lines of bonds and paths, which have no bounds where these lie flat in it"
+)
+#: What they are called on planes, and what there is to say of them.
+ABOUT = {
+    "stress": ("stress through planes", _ROW),
+    "stress_kinetic": (
+        "kinetic part of the stress through planes",
+        "momentum carried by atoms that pass, in the frame of the simulation; " + _ROW,
+    ),
+    "stress_potential": ("potential part of the stress through planes", _ROW),
+    "momentum": ("flux of mass through planes", "mass of the atoms that pass; " + _ROW),
+    "energy_flux": ("flux of energy through planes", _ROW),
+}
 
 
 def through_planes(grid) -> bool:
@@ -49,6 +64,17 @@ def require_countable(work: Work, pot, grid) -> None:
             f"{', '.join(work.bond_users)}: long-range forces (kspace_style) are those of a field of all charges, no "
             "bonds that cross a plane: take a slab profile, or ask for stress_kinetic"
         )
+
+
+def counted_how(grid, pot, units) -> str:
+    """Over which time passages of atoms are counted, in words."""
+    asked = grid._["interval"]
+    if asked == BY_FRAMES:
+        return "from the frame before to this one"
+    step = _timestep(pot)
+    time = asked if asked is not None else None if step is None else units.to_user("time", step)
+    back = "back along the velocities"
+    return "not needed" if time is None else " ".join(f"{time:g} {units.label('time')} {back}".split())
 
 
 def unneeded(work: Work, grid) -> tuple[str, ...]:

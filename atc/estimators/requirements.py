@@ -68,7 +68,7 @@ def require_directed(pot, work: Work) -> None:
 
 def require_with_sites(settings: Settings, work: Work) -> None:
     """Raise for what is not known where forces act on virtual sites, too."""
-    what = "virtual sites (pair_style tip4p)"
+    what = f"virtual sites ({settings.pot.sites.rule.describe()})"
     if settings.tiles is not None:
         raise AtcError(f"tiles: not with {what}: a tile does not have all forces on a molecule: leave tiles out")
     if getattr(settings.grid, "counts_crossings", False):

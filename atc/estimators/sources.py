@@ -95,7 +95,8 @@ class AtomFactors:
     def _degrees(self):
         constraints = None if self.pot is None else self.pot.constraints
         if constraints is None:
-            return self._one()
+            inside = self.pot is not None and self.pot.sites is not None
+            return (self.atoms.masses > 0.0)[:, None].astype(float) if inside else self._one()
         return constraints.degrees(self.pot.complete(self.atoms))[:, None] / self.frame.dimension
 
     def _mass(self):

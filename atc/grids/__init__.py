@@ -16,6 +16,8 @@ import numpy as np
 from ..errors import AtcError
 from ..frame import Cell
 
+#: What grids may move with: the centre of mass, or the interface on one side of the denser phase.
+FOLLOWS = ("mass", "+x", "-x", "+y", "-y", "+z", "-z")
 _AXES = {"x": 0, "y": 1, "z": 2, "a": 0, "b": 1, "c": 2, 0: 0, 1: 1, 2: 2}
 
 
@@ -384,10 +386,14 @@ class Grid:
         return cls(kind, checked(kind, **given, numbers=_numbers, counts=_counts))
 
     def following(self, what="mass") -> Grid:
-        """The same grid, moving with the centre of mass of the atoms (of those selected) since the first frame; along
-        axes of the cell that they do not fill."""
-        if what != "mass":
-            raise AtcError(f'grid follow {what!r}: expected "mass"')
+        """The same grid, moving since the first frame with the atoms, or with those selected.
+
+        what : "mass", their centre of mass, along axes of the cell that they do not fill; "+z", "-z", "+x", ...: the
+            interface on this side of the denser of two phases (Gibbs' dividing surface), along this axis
+        """
+        if what not in FOLLOWS:
+            known = ", ".join(f'"{w}"' for w in FOLLOWS)
+            raise AtcError(f"grid follow {what!r}: expected {known}")
         if self.kind == "atoms":
             raise AtcError("a grid of atoms moves with each of them: leave follow out")
         if self.kind == "planes":
@@ -396,7 +402,12 @@ class Grid:
 
     @property
     def follows_mass(self) -> bool:
-        return self._.get("follow") is not None
+        return self.follows is not None
+
+    @property
+    def follows(self) -> str | None:
+        """What the grid moves with, of `FOLLOWS`."""
+        return self._.get("follow")
 
     @property
     def local_axes(self) -> tuple[str, ...]:
@@ -448,7 +459,8 @@ class Grid:
         p = self._
         if self.follows_mass:
             fixed = Grid(self.kind, {k: v for k, v in p.items() if k != "follow"})
-            return fixed.describe() + ", moving with the centre of mass"
+            what = "centre of mass" if p["follow"] == "mass" else f"interface on the {p['follow']} side"
+            return f"{fixed.describe()}, moving with the {what}"
         how = (
             f"{' x '.join(str(abs(n)) for n in p['shape'] if n)} points"
             if p.get("shape")

@@ -64,7 +64,8 @@ def bound(p, cell, factor) -> dict:
         along = zero + shares_p * height
     others = [k for k in range(3) if k != a]
     patches = p["patches"] or ()
-    dims, counts = ("xyz"[a],), (len(shares_p), *patches)
+    dims: tuple[str, ...] = ("xyz"[a],)
+    counts = (len(shares_p), *patches)
     middles = [(np.arange(m) + 0.5) / m for m in patches] or [np.array([0.5])] * 2
     values = {"xyz"[a]: along}
     if patches:

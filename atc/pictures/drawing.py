@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..unit_words import converted, wanted_units
 from .geometry import unit_text
 from .symbols import label
 
@@ -44,7 +45,7 @@ def at_frame(ds, name, frame):
     try:
         k = int(frame)
     except ValueError:
-        raise AtcError(f"frame {frame!r}: expected a number counted from 0 (-1 is the last) or mean") from None
+        raise AtcError(f"frame {frame!r}: expected a number counted from 0 (-1 is the last), mean or all") from None
     if not -n <= k < n:
         raise AtcError(f"frame {k}: the output has {n} frame{'s' * (n != 1)}, numbered 0 to {n - 1}")
     return da.isel(frame=k), _frame_text(ds, k)
@@ -75,7 +76,10 @@ def kernel_title(ds, unit=unit_text) -> str:
         return ""
     text = f"{str(kernel).partition(',')[0]} kernel"
     if isinstance(radius, (int, float, np.number)):
-        text += f", R = {float(radius):.4g} {unit(ds.attrs.get('radius_units', ''))}".rstrip()
+        factor, have = 1.0, str(ds.attrs.get("radius_units", ""))
+        if "output_units" in ds.attrs:
+            factor, have = converted(have, wanted_units(ds.attrs["output_units"]))
+        text += f", R = {factor * float(radius):.4g} {unit(have)}".rstrip()
     return text
 
 

@@ -227,6 +227,26 @@ def over_angles(ds):
     return out.mean([d for d in others if d in out.dims], skipna=True, keep_attrs=True)
 
 
+def over_axes(ds, axes: str):
+    """Of an output on a grid along x, y, z (or u, v) the means over some of its axes, e.g. ``"y"`` or ``"x,y"``. Where
+    nothing is, sums (density, stress) count as 0; of quotients (velocity, temperature) it is the plain mean of what is
+    known."""
+    from ..estimators.registry import QUANTITIES
+
+    wanted = [a.strip() for a in str(axes).split(",") if a.strip()]
+    there = list(dict.fromkeys(d for n in fields_of(ds) for d in grid_dims(ds[n]) if d not in ("point", "atom")))
+    if "axes" in ds.attrs or not wanted or [a for a in wanted if a not in there] or len(there) <= len(set(wanted)):
+        raise AtcError(f"mean over {axes}: expected some, not all, of the grid's axes: {', '.join(there) or 'none'}")
+    out = ds.drop_vars([f"position_{c}" for c in "xyz"], errors="ignore")
+    # Standard errors of means over points are not the means of the errors.
+    out = out.drop_vars([n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)])
+    out = out.drop_vars([n for n in out.data_vars if "atom" in out[n].dims])
+    for name in out.data_vars:
+        if not (name in QUANTITIES and QUANTITIES[name].weight is not None):
+            out[name] = out[name].fillna(0.0)
+    return out.mean(wanted, skipna=True, keep_attrs=True)
+
+
 def _positions(ds, da):
     """(*shape, 3) positions of the points of a field's grid, or None if the output does not hold them. Points that move
     are where they are in the frame of `da`; where it has none (a mean) they are where the first frame has them."""

@@ -16,9 +16,10 @@ from ..errors import AtcError
 from ..running.output import load, of_species
 from ..unit_words import converted, in_units, unit_of
 from . import components
+from .against_time import time_figure
 from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save, singular, titled
-from .geometry import PROFILES, STDERR, cut, fields_of, grid_dims, over_angles, points_of_grid, rank
+from .geometry import PROFILES, STDERR, cut, fields_of, grid_dims, over_angles, over_axes, points_of_grid, rank
 from .movies import RATE, movie_path, write_movie
 from .overlays import Overlays, legend
 from .symbols import symbol
@@ -33,6 +34,7 @@ def plot(
     axis=None,
     index=None,
     frame=-1,
+    mean=None,
     limits=None,
     robust=None,
     atoms=None,
@@ -55,7 +57,8 @@ def plot(
     slice : for a 3-D grid, ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along the axis, in the
         dataset's length unit)
     axis, index : the same by index
-    frame : index, or ``"mean"``
+    frame : index, ``"mean"``, or ``"all"``: a profile against time, position to the right and time upwards
+    mean : axes of the grid that means are taken over first, e.g. ``"y"`` or ``"x,y"``: a map or a profile is left
     limits : (lo, hi) of the colours; robust : limits at the 2nd and 98th percentile; None: only where a few points are
         far beyond all others (corners, crack tips); False: never
     arrows, streamlines : name of a vector field (velocity, heat_flux, ...) to draw over maps
@@ -99,21 +102,27 @@ def plot(
     if axes:
         ds = over_angles(ds)
         component = _cartesian_names(component, axes)
+    if mean is not None:
+        ds = over_axes(ds, mean)
     panels = []
     dimension = int(ds.attrs.get("dimension", 3))
     wanted = [q.strip() for q in quantity.split(",")] if quantity else [None]
     for q in wanted:
         name = pick(ds, q)
-        da, when = at_frame(ds, name, frame)
-        da = da.transpose(*grid_dims(da), ...)
-        component = component or through(ds, da)
-        comps = _scalars(da, component if rank(da) or len(wanted) == 1 else None, dimension)
-        if len(wanted) > 1 and component is None and rank(da):
+        da, when = (ds[name], "") if frame == "all" else at_frame(ds, name, frame)
+        da = da.transpose(*(["frame"] if frame == "all" and "frame" in da.dims else []), *grid_dims(da), ...)
+        chosen = component or through(ds, da)
+        comps = _scalars(da, chosen if rank(da) or len(wanted) == 1 else None, dimension)
+        if len(wanted) > 1 and chosen is None and rank(da):
             comps = ["magnitude" if rank(da) == 1 else "vonmises"]
         panels += [(name, da, c) for c in comps]
     dims = {tuple(grid_dims(da)) for _, da, _ in panels}
     if len(dims) > 1:
         raise AtcError("fields on different grids cannot share a picture: plot them one by one")
+    if frame == "all":
+        if slice is not None or axis is not None or index is not None or arrows or streamlines or principal:
+            raise AtcError("frame all: a map of position and time has no slices, arrows, streamlines or crosses")
+        return time_figure(ds, panels, limits, robust, dimension)
     place = points_of_grid(ds, panels[0][1])
     if place.kind == "volume":
         place, selection, where = cut(place, slice, axis, index)
@@ -122,6 +131,7 @@ def plot(
             raise AtcError(f"this output is on a {place.kind}, not on a 3-D grid: there is nothing to slice")
         selection, where = {}, ""
     names = ", ".join(dict.fromkeys(str(da.attrs.get("long_name", name)) for name, da, _ in panels))
+    where = ", ".join(t for t in (where, "" if mean is None else f"mean over {mean}") if t)
     title = ", ".join(t for t in (names[:1].upper() + names[1:], kernel_title(ds), where, when) if t)
     if place.kind in PROFILES and (arrows or streamlines or principal):
         raise AtcError("arrows, streamlines and principal stresses are drawn over maps, not over profiles")
@@ -310,7 +320,7 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3, one_
 def _stderr(ds, name, frame):
     """The standard error that belongs to the entry drawn; None for a mean over several entries, whose error is not
     theirs."""
-    if name + STDERR not in ds:
+    if name + STDERR not in ds or frame == "all":
         return None
     error = ds[name + STDERR]
     if "frame" not in error.dims:
@@ -333,7 +343,12 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:
         nodes = ds.attrs.get("kind") == "peridynamics"
-        words = [path.stem, quantity or ("damage" if nodes else pick(ds, None)), options.get("component")]
+        words = [
+            path.stem,
+            "t" if frame == "all" else None,
+            quantity or ("damage" if nodes else pick(ds, None)),
+            options.get("component"),
+        ]
         output = path.with_name("-".join(w.replace(",", "-") for w in words if w) + ".png")
     return save(fig, output)
 
@@ -363,6 +378,8 @@ def movie_file(path, movie, quantity=None, *, rate=RATE, overlay=None, **options
 
 def _atoms(trajectory, ds, frame):
     """Positions, in the cell, in the dataset's length unit, of the atoms of the frame that is drawn."""
+    if frame == "all":
+        raise AtcError("--overlay: atoms are drawn on maps of one frame: leave --frame all or --overlay out")
     k = int(ds["frame"].values[0 if frame == "mean" else int(frame)])
     if k >= len(trajectory):
         raise AtcError(

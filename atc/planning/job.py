@@ -66,6 +66,7 @@ def prepare(request: Request | Job) -> Job:
         pot = pot.settled(first)
         work = Work.of(request.quantities, pot.central, churnless=pot.churnless, **more)
     if crossing:
+        assert isinstance(request.grid, Grid)
         require_countable(work, pot, request.grid)
         for name in unneeded(work, request.grid):
             work.attributes.pop(name, None)
@@ -111,7 +112,7 @@ def prepare(request: Request | Job) -> Job:
     chosen, parts = selection(request.select), None
     if chosen is not None or apart:
         require_choosable(work, pot, apart, tiles)
-        chosen = None if chosen is None else chosen.settled(first, frames)
+        chosen = None if chosen is None else chosen.settled(first, frames, pot)
         if apart:
             whole = np.ones(len(first), bool) if chosen is None else chosen.of(first)
             parts = Parts.of_frame(request.by, first, whole)
@@ -133,7 +134,7 @@ def prepare(request: Request | Job) -> Job:
     )
     follow = None
     if work.grid_users and isinstance(grid, Grid) and grid.follows_mass:
-        follow = Follow.of(first, None if chosen is None else chosen.of(first))
+        follow = Follow.of(first, None if chosen is None else chosen.of(first), grid.follows)
     return Job(completed, frames, first, work, model, parts, follow)
 
 

@@ -76,8 +76,9 @@ class _Watch:
             if _watch is not self:
                 return
             self.again = True
-            if hasattr(signal, "pthread_kill"):  # ends waiting, too
-                signal.pthread_kill(threading.main_thread().ident, number)
+            main = threading.main_thread().ident
+            if hasattr(signal, "pthread_kill") and main is not None:  # ends waiting, too
+                signal.pthread_kill(main, number)
             else:
                 _thread.interrupt_main(number)
 

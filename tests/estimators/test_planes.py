@@ -6,7 +6,7 @@ import energy_systems
 import numpy as np
 import pytest
 from frames import argon
-from lammps_oracle import lammps_session
+from lammps_oracle import Config, lammps_session, run_lammps
 from systems import system
 
 import atc
@@ -87,6 +87,35 @@ def test_the_same_as_lammps(run):
         assert np.abs(mean - want.mean(0)).max() < 1e-12 * np.abs(want).max()
     one = fields(frames, POT, atc.Grid.planes("z", [7.3], interval=0.002))
     assert np.allclose(one.stress_potential.sel(i="z")[:, 0], -single[:, 3:6], rtol=1e-12)
+
+
+def test_bonded_terms_as_lammps(tmp_path):
+    """Angles too: whatever its decomposition, a term's force on what is above the plane is what it is."""
+    rng = np.random.default_rng(0)
+    x, bonds, angles = [], [], []
+    for _ in range(8):
+        k, p = len(x), rng.uniform(0, 12.0, 3)
+        for _ in range(4):
+            x.append(p)
+            s = rng.normal(size=3)
+            p = p + 1.4 * s / np.linalg.norm(s)
+        bonds += [(k, k + 1), (k + 1, k + 2), (k + 2, k + 3)]
+        angles += [(k, k + 1, k + 2), (k + 1, k + 2, k + 3)]
+    config = Config(
+        cell=np.diag([12.0] * 3), positions=np.array(x) % 12.0, units="real", masses={1: 12.0}, bonds=np.array(bonds),
+        bond_types=np.ones(len(bonds), int), angles=np.array(angles), angle_types=np.ones(len(angles), int),
+    )  # fmt: skip
+    lines = (
+        "pair_style lj/cut 5.0\npair_coeff 1 1 0.0001 2.0\nspecial_bonds lj 0 0 0\nbond_style harmonic\n"
+        "bond_coeff 1 300 1.5\nangle_style harmonic\nangle_coeff 1 60 109\n"
+    )
+    z = 5.3
+    keys = "step temp pe ke vol pxx pyy pzz pxy pxz pyz evdwl ecoul ebond eangle edihed eimp c__pv[*] c__rpe[*] c_p[1]"
+    more = ["compute p all stress/mop z 5.3 conf", f"thermo_style custom {keys}", "run 0 post no"]
+    take = lambda lmp: np.array(lmp.numpy.extract_compute("p", 0, 1))  # noqa: E731
+    found = run_lammps(lines, config, after=more, extract=take).extra["extract"]
+    ds = fields([config.frame()], atc.potential(lines, units="real"), atc.Grid.planes("z", [z]), ["stress_potential"])
+    assert np.abs(ds.stress_potential.sel(i="z")[0, 0] + found).max() < 1e-10 * np.abs(found).max() > 0
 
 
 def test_momentum_from_frame_to_frame(run):
@@ -206,6 +235,32 @@ def test_energy_between_planes(name):
     for m in range(n):
         assert abs(flux[m] - flux[(m + 1) % n] - rate[layer == m].sum()) < 1e-6 * np.abs(rate).max()
     assert np.abs(flux).max() > 1e-2 * np.abs(rate).max()
+
+
+def test_two_dimensions():
+    """Lines across the plane of the atoms: stress times their length is the force."""
+    u = units("metal").planar
+    rng = np.random.default_rng(1)
+    s = np.stack(np.meshgrid(np.arange(4), np.arange(4), indexing="ij"), -1).reshape(-1, 2)
+    x = np.zeros((16, 3))
+    x[:, :2] = 3.8 * (s + 0.5) + rng.uniform(-0.3, 0.3, s.shape)
+    v = 0.01 * rng.normal(size=x.shape) * [1, 1, 0]
+    frame = atc.Frame(
+        x, atc.Cell([15.2, 15.2, 1.0], [0, 0, -0.5], (True, True, False)), u, masses=np.full(16, 39.948), velocities=v
+    )
+    pot = atc.potential("dimension 2\npair_style lj/cut 6.0\npair_coeff * * 0.0104 3.4", units="metal")
+    n = 5
+    ds = fields([frame], pot, atc.Grid.planes("x", n=n, interval=0.01), ["stress", "virial_stress"])
+    F_nc = pot.decompose(frame).forces_nc
+    force = u.to_internal("pressure", ds.stress_potential.sel(i="x").values[0]) * 15.2
+    layer = np.floor(frame.cell.wrap(x)[0][:, 0] / 15.2 * n - 0.5) % n
+    for m in range(n):
+        assert np.allclose(force[(m + 1) % n] - force[m], F_nc[layer == m].sum(0), atol=1e-10 * np.abs(F_nc).max())
+    many = fields([frame], pot, atc.Grid.planes("x", n=20_000, interval=0.01), ["stress_potential"])
+    want = ds.virial_stress_potential[0]
+    assert np.abs(many.stress_potential[0].mean("x") - want).max() < 2e-3 * np.abs(want).max()
+    with pytest.raises(AtcError, match="two-dimensional run are lines"):
+        fields([frame], pot, atc.Grid.planes("z", n=3, interval=0.01))
 
 
 def test_patches():

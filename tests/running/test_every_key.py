@@ -9,7 +9,7 @@ import pytest
 from test_cli import write_dump
 from test_run import Stop, stop_after
 
-from atc.config.scene import Scene
+from atc.config.scene import SYSTEMS, Scene
 from atc.config.schema import GRIDS, SCHEMA
 from atc.errors import AtcError
 
@@ -157,10 +157,13 @@ OF_MOLECULES = {
     "constraints.rigid_water": ({"bonds": "hbonds"}, {"bonds": "hbonds", "rigid_water": False}),
     "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
-#: Keys of models that need packages of their own: torch_models/test_mace.py and so on, decomposers/test_kim.py.
-APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "kim", "head", "stress", "reference")}
+#: Keys of models that need packages of their own: torch_models/test_mace.py and so on, decomposers/test_kim.py,
+#: decomposers/test_openmm.py.
+APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "kim", "head", "stress", "reference")} | {
+    f"potential.{k}" for k in {*SYSTEMS, *(key for keys in SYSTEMS.values() for key in keys)}
+}
 #: Ways to pick atoms that these files say nothing for: tests/estimators/test_selections.py.
-OF_NAMES = {"select.atoms", "select.elements", "select.molecules"}
+OF_NAMES = {"select.atoms", "select.elements", "select.molecules", "select.groups"}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
     "potential.device": "where it is computed",

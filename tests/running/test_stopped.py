@@ -265,8 +265,13 @@ def same_as_whole(folder, kind, wholes, when, done):
 
 @pytest.mark.parametrize("kind", ["average", "pd with fields"])
 def test_killed_at_random_moments(tmp_path, wholes, warm, kind):
-    kills, changes = kill_at_random(tmp_path, kind, random.Random(3), wholes, warm)
-    assert kills and changes
+    rng, kills, changes = random.Random(3), 0, 0
+    for again in range(20):  # on a busy machine a run may be over before it is killed
+        more = kill_at_random(tmp_path / str(again), kind, rng, wholes, warm)
+        kills, changes = kills + more[0], changes + more[1]
+        if kills and changes:
+            return
+    raise AssertionError(f"{kills} kills, {changes} changes")
 
 
 @pytest.mark.slow

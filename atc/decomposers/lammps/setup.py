@@ -242,9 +242,20 @@ class Setup:
 
     def _unnumbered(self, frame):
         """A frame whose atoms have no numbers of their own: nothing that the script says of single atoms can be put to
-        them."""
+        them; masses are those of types, where no atom has one of its own."""
+        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        one_type = table.n_types == 1 and "types" not in self.changing
+        if frame.masses is None and "masses" not in self.changing and (one_type or self._own(frame, "types")):
+            of_type = table.type_masses
+            every = np.isnan(table.masses).all() and not table.unknown["masses"].any()
+            if every and set(np.unique(frame.types).tolist()) <= of_type.keys():
+                top = int(frame.types.max(initial=0))
+                m_t = np.array([of_type.get(t, 0.0) for t in range(top + 1)]) * units(self.units).mass
+                frame = frame.replace(masses=m_t[frame.types])
         for p in ("types", "charges", "topology"):
             if p != "topology" and self._own(frame, p) and p not in self.changing:
+                continue
+            if p == "types" and one_type and (frame.types == 1).all():
                 continue
             keys = SECTIONS if p == "topology" else (p,)
             c = next((self.edits[k] for k in (*keys, "ids") if k in self.edits), None)
@@ -429,6 +440,33 @@ class Setup:
                     f"{frame.source}: {file} and {self.name}{by} have different {name} ({len(theirs)} and "
                     f"{len(mine)}): name the data file of this run, or none"
                 )
+
+    def in_groups(self, names, frame) -> np.ndarray:
+        """(n,) bool: which atoms of a frame are in all of some groups, as they are at the run.
+
+        Raises
+        ------
+        AtcError for groups that there are not, and where it is not known who is in them.
+        """
+        if frame.given.get("ids"):
+            who = f"who is in group {names[0]} is not known"
+            raise AtcError(f"{frame.source} does not number its atoms, so that {who}: dump id too")
+        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        rows, found = rows_of(table.ids, frame.ids, table.alive)
+        inside = np.ones(len(frame), bool)
+        for name in names:
+            if name != "all" and name not in table.groups:
+                have = ", ".join(["all", *table.groups])
+                raise AtcError(f"select groups: {self.name} has no group {name!r}: it has {have}")
+            g = table.group(name)
+            if name != "all" and not (found.all() and not g.unsure[rows].any()):
+                unknown = frame.ids[~found] if not found.all() else []
+                why = table.group_why.get(name) or (
+                    f"atom {unknown[0]} is not among those of the script" if len(unknown) else "it changes"
+                )
+                raise AtcError(f"{frame.source}: select groups: who is in group {name} is not known: {why}")
+            inside &= g.inside[rows] if name != "all" else True
+        return inside
 
     def _group_bits(self, frame, table, rows, found):
         bits = np.zeros(len(frame), np.int64)

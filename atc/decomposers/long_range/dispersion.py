@@ -28,6 +28,7 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Frame
 from ..base import Accumulator, Term, Work
+from ..pair import kinds_of
 from .ewald import Smooth
 from .split import ACCURACY
 from .stress import Products
@@ -98,6 +99,7 @@ class LongRangeDispersion(Term):
     split : DispersionSplit
     C6 : (n_types + 1, n_types + 1), internal units
     run : what the script asked for, see `RunAccuracy`, or None
+    kinds : as of `Pairs`
     """
 
     pairwise = True
@@ -109,8 +111,8 @@ class LongRangeDispersion(Term):
     #: what of the tolerance its modes may take, over Coulomb's: bonds of repulsion leave a tenth of it
     share = 0.1
 
-    def __init__(self, split: DispersionSplit, C6, run=None):
-        self.split, self.C6, self.run = split, np.asarray(C6, float), run
+    def __init__(self, split: DispersionSplit, C6, run=None, kinds: str = ""):
+        self.split, self.C6, self.run, self.kinds = split, np.asarray(C6, float), run, kinds
         self.parts = as_products(self.C6)
         self.threads, self._kept = 1, None
 
@@ -133,9 +135,10 @@ class LongRangeDispersion(Term):
         """Raise AtcError for frames that the sum is not made for."""
         if frame.dimension == 2 or not frame.cell.periodic.all():
             raise AtcError(f"{frame.source}: long-range dispersion needs a cell that is periodic along x, y and z")
-        if len(frame) and frame.types.max() >= len(self.C6):
+        top = int(kinds_of(frame, self.kinds).max(initial=0))
+        if top >= len(self.C6):
             raise AtcError(
-                f"{frame.source}: atoms of type {int(frame.types.max())} but the pair coefficients cover types 1 to "
+                f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to "
                 f"{len(self.C6) - 1}: add a pair_coeff line for it"
             )
 
@@ -190,11 +193,11 @@ class _Part(Smooth):
     """The smooth part of one product λ w wᵀ: w are its charges."""
 
     def __init__(self, term, frame, weights, threads, transform=None):
-        self.part_weights = weights
+        self.part_weights = weights[kinds_of(frame, term.kinds)]
         super().__init__(term, frame, threads, transform=transform)
 
     def charges(self, frame):
-        return self.part_weights[frame.types]
+        return self.part_weights
 
     def potentials(self):
         return self.split.modes(np.sqrt(self.k2))
@@ -257,7 +260,7 @@ class DispersionProducts(Products):
 
     def _charges(self, w) -> np.ndarray:
         """(n, 1) of one of the products."""
-        return w[self.frame.types][:, None]
+        return w[kinds_of(self.frame, self.term.kinds)][:, None]
 
     def stress(self) -> np.ndarray:
         """(6, q0, q1, q2) xx, yy, zz, yz, xz, xy; tension positive, energy."""

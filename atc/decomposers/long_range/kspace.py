@@ -286,7 +286,7 @@ def converged(pot, accuracy: float, alpha: float | None = None):
         elif isinstance(t, Pairs) and any(hasattr(s, "split") for s in t.styles):
             own = [s.split.alpha for s in coulomb_of([t])] if alpha is None else [alpha]
             grown = t.grow and _Grown(t.grow, accuracy, own[0] if own else None)
-            t = type(t)(_split(t.styles, accuracy, alpha), t.n_types, t.special, grown, t.exclusions)
+            t = type(t)(_split(t.styles, accuracy, alpha), t.n_types, t.special, grown, t.exclusions, t.kinds)
         new.terms.append(t)
     return new
 
