@@ -388,6 +388,17 @@ class Scene(Document):
             )
         return whole[value]
 
+    def equilibrium(self):
+        """The run that [twin] measures springs in: that of `equilibrium`, else the scene's own."""
+        if self.get("twin", "equilibrium") is None:
+            return self.trajectory()
+        path = self.path("twin", "equilibrium")
+        if path is None or not path.exists():
+            raise self._bad("twin", "equilibrium", f"there is no file {path}")
+        from .. import read
+
+        return self._open(read, path, None)
+
     def log(self):
         """The log files of the run, as a list of paths; None if the scene names none."""
         value = self.get("trajectory", "log")
