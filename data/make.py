@@ -30,6 +30,8 @@ RUNS = {
     "heat_flow_snap": [],  # by atc itself, see its start.py
     "water_slab": ["in.prepare", "in.water_slab"],
     "salt": ["in.salt"],
+    "argon_wave": ["in.argon_wave"],
+    "silicon_crack": ["in.silicon_crack"],
 }
 
 

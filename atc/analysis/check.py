@@ -246,7 +246,9 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     state = exact.state
     m_n = frame.masses
     heat = float(m_n @ (state.v_nc**2).sum(1))
-    frequency = np.sqrt(float(((state.forces_nc**2).sum(1) / m_n).sum()) / heat) if heat > 0 else 0.0
+    heavy = m_n > 0.0  # virtual sites are not
+    pull = float(((state.forces_nc[heavy] ** 2).sum(1) / m_n[heavy]).sum())
+    frequency = np.sqrt(pull / heat) if heat > 0 else 0.0
     if frequency * dt > CLOSE:
         good, here = (number(u.to_user("time", t)) for t in (0.1 / frequency, dt))
         return (

@@ -66,6 +66,10 @@ def register(app: typer.Typer) -> None:
             else None
         )
         result = dispersion_of_scene(made)
+        if made.get("dispersion", "twin"):
+            from ..twins.waves import add_twin
+
+            add_twin(result, made)
         if json:
             print(result.json())
         elif not quiet:

@@ -33,9 +33,9 @@ LEARNED = {
     "kim": ("types",),
 }
 #: Systems of other codes, and what [potential] may tell of the run besides.
-_RUN = ("method", "cutoff", "switch", "switching", "constraints", "rigid_water")
+_RUN = ("method", "cutoff", "switch", "switching", "chiral", "constraints", "rigid_water")
 SYSTEMS = {
-    "openmm": ("switching",),
+    "openmm": ("switching", "chiral"),
     "prmtop": _RUN,
     "psf": ("parameters", *_RUN),
     "top": ("defines", "include", *_RUN),
@@ -387,6 +387,17 @@ class Scene(Document):
                 f"there is no frame {value}: {whole.source} has {len(whole)}, numbered from 0",
             )
         return whole[value]
+
+    def equilibrium(self):
+        """The run that [twin] measures springs in: that of `equilibrium`, else the scene's own."""
+        if self.get("twin", "equilibrium") is None:
+            return self.trajectory()
+        path = self.path("twin", "equilibrium")
+        if path is None or not path.exists():
+            raise self._bad("twin", "equilibrium", f"there is no file {path}")
+        from .. import read
+
+        return self._open(read, path, None)
 
     def log(self):
         """The log files of the run, as a list of paths; None if the scene names none."""

@@ -349,6 +349,9 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _choice(["potential-switch", "force-switch", "vfswitch"]),
             'how Lennard-Jones forces end: "potential-switch", "force-switch" (GROMACS) or "vfswitch" (CHARMM)',
         ),
+        "chiral": Key(
+            _boolean, "whether torsions that tell a molecule from its mirror image are taken, by forces across bonds"
+        ),
         "constraints": Key(
             _choice(["none", "hbonds", "allbonds", "hangles"]), 'which bonds the run held, e.g. "hbonds"'
         ),
@@ -516,6 +519,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "order": Key(_seed, "a whole number, 0 or more"),
         "reach": Key(_positive, "a length greater than 0, e.g. 8.5"),
         "phonopy": Key(_boolean, "true or false"),
+        "twin": Key(_boolean, "true or false"),
         "blocks": Key(_count, "a number of blocks, e.g. 5"),
         "linewidths": Key(_choice(["lorentzian", "oscillator"]), '"lorentzian" or "oscillator"'),
         "structure_factors": Key(_boolean, "true or false"),
@@ -525,8 +529,11 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
         "material": Key(
-            _choice(["isotropic", "cauchy-born", "linear", "smoothed"]),
-            '"isotropic", "cauchy-born", "linear" or "smoothed"',
+            _choice(["isotropic", "cauchy-born", "linear", "smoothed", "measured"]),
+            '"isotropic", "cauchy-born", "linear", "smoothed" or "measured"',
+        ),
+        "equilibrium": Key(
+            _string, 'the trajectory of the perfect crystal in equilibrium, e.g. "still.dump"', path=True
         ),
         "nodes": Key(_choice(["lattice", "atoms"]), '"lattice" or "atoms"'),
         "orient": Key(

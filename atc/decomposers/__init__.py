@@ -160,8 +160,9 @@ def potential(
     **openmm
         For systems of OpenMM, AMBER, CHARMM and GROMACS, what the file does not say of the run: ``method`` ("PME",
         "CutoffPeriodic", ...), ``cutoff`` and ``switch`` in Å, ``switching`` ("potential-switch", "force-switch",
-        "vfswitch"), ``constraints`` ("hbonds", ...), ``rigid_water``, ``parameters`` (CHARMM's files), ``defines`` and
-        ``include`` (GROMACS).
+        "vfswitch"), ``chiral`` (torsions that tell a molecule from its mirror image, by forces across bonds),
+        ``constraints`` ("hbonds", ...), ``rigid_water``, ``parameters`` (CHARMM's files), ``defines`` and ``include``
+        (GROMACS).
 
     Returns
     -------

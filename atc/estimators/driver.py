@@ -18,6 +18,7 @@ from . import passes, planes, tiles
 from .accuracy.random_points import ZERO, extent_of, kernel_internal, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, StrongestBonds, StrongestOfFrames, error_of, summed_exactly
 from .chosen import chosen_of
+from .deposits import SQUARES
 from .field_pass import FieldPass, atom_fields, finer_check, is_checked
 from .groups import POINTS, MeanFields, added_up, elements, formed_once, joined, of_one_cell, of_parts
 from .methods import DEPOSITS, NAMES
@@ -30,8 +31,6 @@ from .sources import AtomFactors, OfAll, drift_velocity
 from .sums import Sums
 from .tightening import SAFE, checkable, clear_thin, thin_sums, tightened, watched
 
-#: What the kernel may lack far out in sums of φ², of the tolerance.
-SQUARES = 0.1
 #: How many times the precision of the sums may be left of a bond that was taken out of them again.
 PRECISIONS_LEFT = 8.0
 

@@ -68,9 +68,14 @@ def require_directed(pot, work: Work) -> None:
 
 def require_with_sites(settings: Settings, work: Work) -> None:
     """Raise for what is not known where forces act on virtual sites, too."""
-    what = "virtual sites (pair_style tip4p)"
+    what = f"virtual sites ({settings.pot.sites.rule.describe()})"
     if settings.tiles is not None:
         raise AtcError(f"tiles: not with {what}: a tile does not have all forces on a molecule: leave tiles out")
+    if getattr(settings.grid, "counts_crossings", False):
+        raise AtcError(
+            f"{', '.join(work.bond_users)}: not counted on planes where forces act on {what}, which no atom carries "
+            "across: take a slab profile, or ask for stress_kinetic"
+        )
     if work.symmetric_users:
         raise AtcError(
             f"{', '.join(work.symmetric_users)}: not known of single atoms where forces act on {what}: what hands them "

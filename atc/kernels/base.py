@@ -96,6 +96,10 @@ class Profile(Protocol):
     def cumulative(self, z) -> np.ndarray:
         """∫ φ₁ from −∞ to z"""
 
+    @property
+    def bin_pieces(self) -> tuple[np.ndarray, np.ndarray]:
+        """The pieces as the compiled integrals take them: of means over bins."""
+
     def second(self, z) -> np.ndarray:
         """∫₀^z ∫₀^z φ₁: what means over bins are made of."""
 

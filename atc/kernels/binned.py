@@ -31,6 +31,9 @@ INTEGRAL = SECOND = None
 def _short(z, long, short, radii_m, coef_mk, m):
     """The mean over s in [−½, ½] short of [I(z + s + long/2) − I(z + s − long/2)]/long."""
     R = radii_m[m]
+    if short == 0.0:
+        upper, lower = INTEGRAL(z + 0.5 * long, m, radii_m, coef_mk), INTEGRAL(z - 0.5 * long, m, radii_m, coef_mk)
+        return (upper - lower) / long
     total = 0.0
     for side in range(2):
         middle = z + (0.5 if side == 0 else -0.5) * long
@@ -38,10 +41,8 @@ def _short(z, long, short, radii_m, coef_mk, m):
         lo = -0.5
         for piece in range(4):
             hi = 0.5
-            if piece < 3 and short > 0.0:
+            if piece < 3:
                 hi = min(max(((piece - 1.0) * R - middle) / short, lo), 0.5)
-            elif piece < 3:
-                hi = lo
             if hi > lo:
                 part = 0.0
                 for g in range(len(GL_T)):
@@ -55,24 +56,29 @@ SHORT_MEAN = None
 
 
 def _mean(z, r, radii_m, coef_mk, k):
-    """Mean over z − t r + s, t in [0, 1], s in [−½, ½] w, for four z. Row 0 of the pieces is the bins': their reach,
-    and ½ w."""
+    """Mean over z − t r + s, t in [0, 1], s in [−½, ½] w, for four z that are w apart (as `deposit._slab` asks: one
+    bin's lower edge is the next one's upper). Row 0 of the pieces is the bins': their reach, and ½ w."""
     h = coef_mk[0, 0]
     w = 2.0 * h
     length = abs(r)
     store4(k, SCRATCH, z)
-    for l in range(SCRATCH, SCRATCH + 4):
-        d = peek(k, l)
-        total = 0.0
-        for m in range(1, len(radii_m)):
-            if radii_m[m] > 0.0 and min(length, w) > SHORT * max(radii_m[m], max(length, w)):
-                upper = SECOND(d + h, m, radii_m, coef_mk) - SECOND(d - r + h, m, radii_m, coef_mk)
-                lower = SECOND(d - h, m, radii_m, coef_mk) - SECOND(d - r - h, m, radii_m, coef_mk)
-                total += (upper - lower) / (w * r)
-            else:
-                total += SHORT_MEAN(d - 0.5 * r, max(length, w), min(length, w), radii_m, coef_mk, m)
-        poke(k, l, total)
-    return load4(k, SCRATCH)
+    for l in range(SCRATCH + 4, SCRATCH + 8):
+        poke(k, l, 0.0)
+    for m in range(1, len(radii_m)):
+        if radii_m[m] > 0.0 and min(length, w) > SHORT * max(radii_m[m], max(length, w)):
+            top = peek(k, SCRATCH) + h
+            upper = SECOND(top, m, radii_m, coef_mk) - SECOND(top - r, m, radii_m, coef_mk)
+            for l in range(SCRATCH, SCRATCH + 4):
+                edge = peek(k, l) - h
+                lower = SECOND(edge, m, radii_m, coef_mk) - SECOND(edge - r, m, radii_m, coef_mk)
+                poke(k, l + 4, peek(k, l + 4) + (upper - lower) / (w * r))
+                upper = lower
+        else:
+            for l in range(SCRATCH, SCRATCH + 4):
+                d = peek(k, l) - 0.5 * r
+                mean = SHORT_MEAN(d, max(length, w), min(length, w), radii_m, coef_mk, m)
+                poke(k, l + 4, peek(k, l + 4) + mean)
+    return load4(k, SCRATCH + 4)
 
 
 def _constants(r, radii_m, coef_mk, k_):
@@ -100,7 +106,7 @@ class Binned:
 
     @property
     def pieces(self):
-        radii, coef = self.of.pieces
+        radii, coef = self.of.bin_pieces
         first = np.zeros((1, max(coef.shape[1], 1)))
         first[0, 0] = 0.5 * self.width
         return np.concatenate([[self.support], radii]), np.concatenate([first, coef])

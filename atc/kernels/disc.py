@@ -74,6 +74,10 @@ class DiscMarginal(Marginal):
             total += R**2 * (_strips(u) @ c)
         return 0.5 + np.sign(z) * total
 
+    @property
+    def bin_pieces(self):
+        return self.pieces
+
     def second(self, z):
         z = np.abs(np.asarray(z, float))
         total = np.zeros_like(z)

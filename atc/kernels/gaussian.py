@@ -160,6 +160,10 @@ class GaussianMarginal(Marginal):
 
         return 0.5 * (1.0 + erf(np.asarray(z, float) / (sqrt(2.0) * self.width)))
 
+    @property
+    def bin_pieces(self):
+        return self.pieces
+
     def second(self, z):
         z = np.asarray(z, float)
         return z * (self.cumulative(z) - 0.5) + self.width**2 * self.normalisation * np.expm1(

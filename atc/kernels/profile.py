@@ -114,26 +114,28 @@ def _half_open(z, r, radii_m, coef_mk, k):
     return load4(k, SCRATCH)
 
 
+# Of `Marginal.bin_pieces`: powers, where I begins, its value from R on, and 1/R.
+_POWERS, _FIRST, _TAIL, _INVERSE = 7, 7, 14, 15
+
+
 @njit(**JIT_FMA)
 def _integral(z, m, radii_m, coef_mk):
-    """∫₀^z Σ c_k (|z|/R)^k = R v Σ c_k |v|^k/(k + 1), constant beyond |v| = 1."""
-    v = min(abs(z) / radii_m[m], 1.0)
+    """∫₀^z Σ c_k (|z|/R)^k = v Σ [R c_k/(k + 1)] v^k, v = |z|/R, constant beyond v = 1."""
+    v = min(abs(z) * coef_mk[m, _INVERSE], 1.0)
     total = 0.0
-    for k in range(coef_mk.shape[1] - 1, -1, -1):
-        total = total * v + coef_mk[m, k] / (k + 1.0)
-    total *= v * radii_m[m]
-    return total if z >= 0.0 else -total
+    for k in range(_POWERS - 1, -1, -1):
+        total = total * v + coef_mk[m, _FIRST + k]
+    return total * v if z >= 0.0 else -total * v
 
 
 @njit(**JIT_FMA)
 def _second(z, m, radii_m, coef_mk):
-    """∫₀^z of that: R² v² Σ c_k |v|^k/((k + 1)(k + 2)), beyond |v| = 1 along its tangent."""
-    R = radii_m[m]
-    v = min(abs(z) / R, 1.0)
+    """∫₀^z of that: v² Σ [R² c_k/((k + 1)(k + 2))] v^k, beyond v = 1 along its tangent."""
+    v = min(abs(z) * coef_mk[m, _INVERSE], 1.0)
     total = 0.0
-    for k in range(coef_mk.shape[1] - 1, -1, -1):
-        total = total * v + coef_mk[m, k] / ((k + 1.0) * (k + 2.0))
-    return total * v * v * R * R + max(abs(z) - R, 0.0) * _integral(R, m, radii_m, coef_mk)
+    for k in range(_POWERS - 1, -1, -1):
+        total = total * v + coef_mk[m, k]
+    return total * v * v + max(abs(z) - radii_m[m], 0.0) * coef_mk[m, _TAIL]
 
 
 class Marginal:
@@ -153,6 +155,15 @@ class Marginal:
     def pieces(self):
         order = np.argsort(-self.radii)
         return self.radii[order], np.ascontiguousarray(self.coef_mk[order])
+
+    @property
+    def bin_pieces(self):
+        """What `integral` and `second` of the compiled functions take."""
+        radii, coef = self.pieces
+        R, k = radii[:, None], np.arange(_POWERS)
+        first = R * coef / (k + 1.0)
+        second = R * first / (k + 2.0)
+        return radii, np.concatenate([second, first, first.sum(1, keepdims=True), 1.0 / R], axis=1)
 
     @property
     def support(self) -> float:

@@ -59,7 +59,7 @@ class Point:
 
     support = 0.0
     compiled = _COMPILED
-    pieces = np.zeros(1), np.ones((1, 1))
+    pieces = bin_pieces = np.zeros(1), np.ones((1, 1))
 
     def phi(self, z):
         raise AtcError("without a kernel profiles have no derivative: give a smooth kernel")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..unit_words import converted, wanted_units
 from .geometry import unit_text
 from .symbols import label
 
@@ -75,7 +76,10 @@ def kernel_title(ds, unit=unit_text) -> str:
         return ""
     text = f"{str(kernel).partition(',')[0]} kernel"
     if isinstance(radius, (int, float, np.number)):
-        text += f", R = {float(radius):.4g} {unit(ds.attrs.get('radius_units', ''))}".rstrip()
+        factor, have = 1.0, str(ds.attrs.get("radius_units", ""))
+        if "output_units" in ds.attrs:
+            factor, have = converted(have, wanted_units(ds.attrs["output_units"]))
+        text += f", R = {factor * float(radius):.4g} {unit(have)}".rstrip()
     return text
 
 

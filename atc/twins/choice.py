@@ -29,8 +29,9 @@ def atoms_horizon(get, crystal, model) -> float:
     return 1.02 * float(np.linalg.norm(force_constants(crystal, model).r_bc, axis=1).max())
 
 
-def twin_material(get, crystal, model, axes, made, reference):
-    """The material that [twin] asks for, `get(key, default)`, of a relaxed crystal, a `TwinBody` and its frame."""
+def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
+    """The material that [twin] asks for, `get(key, default)`, of a relaxed crystal, a `TwinBody` and its frame.
+    `equilibrium()` : the run whose fluctuations are measured."""
     if get("fracture") and get("material", "isotropic") != "isotropic":
         raise AtcError('[twin] fracture: only the bonds of material = "isotropic" break: leave it out')
     if get("material", "isotropic") == "cauchy-born":
@@ -43,6 +44,10 @@ def twin_material(get, crystal, model, axes, made, reference):
         from .linear import linear
 
         return linear(crystal, model, axes, made, get("nodes") == "atoms")
+    if get("material") == "measured":
+        from .linear import measured
+
+        return measured(crystal, axes, made, equilibrium())
     if get("material") == "smoothed":
         from .smoothed import smoothed
 

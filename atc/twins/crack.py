@@ -52,7 +52,8 @@ class Crack:
         table = body.bonds
         xi = table.xi_bc(self.X) @ normal  # from i to j
         tops, self.per_area = [], np.zeros(2)
-        for s in np.linspace(lo, hi, _CUTS):
+        # Between layers of nodes, not through one: its bonds would end on the plane.
+        for s in lo + (np.arange(_CUTS) + 0.5) * (hi - lo) / _CUTS + 0.013 * self.edge:
             cut_md = (x_atoms[bonds.i] - s) * (x_atoms[bonds.i] - r_atoms - s) < 0
             cut_pd = (s_g[table.i_b] - s) * (s_g[table.i_b] + xi - s) < 0
             tops.append(

@@ -24,6 +24,7 @@ class LinearTwin:
     material : pd.Linear. C : ElasticConstants. bulk, shear : Hill averages
     kernel : NodeKernel, or `LatticeSprings` where the nodes are the atoms
     sampled_vv, wanted_vv : (6, 6) elastic constants of the nodes and of the crystal
+    found : Fluctuations, where they are measured ones
     """
 
     material: object
@@ -33,6 +34,7 @@ class LinearTwin:
     kernel: object
     sampled_vv: np.ndarray
     wanted_vv: np.ndarray
+    found: object = None
 
     @property
     def crystal_vv(self) -> np.ndarray:
@@ -46,7 +48,7 @@ class LinearTwin:
         """What it is, what it gets exactly and what not: for a person."""
         p = lambda v: f"{units.to_user('pressure', v):.5g}"  # noqa: E731
         c11, c12, c44 = cubic_of(self.wanted_vv)
-        out = [
+        out = self._measured(units) or [
             f"material: linear, springs of the crystal's dispersion: C11 {p(c11)}, C12 {p(c12)}, C44 {p(c44)} "
             f"{units.label('pressure')}"
         ]
@@ -62,18 +64,53 @@ class LinearTwin:
         )
         return out
 
+    def _measured(self, units) -> list[str]:
+        f = self.found
+        if f is None:
+            return []
+        C, e = (units.to_user("pressure", np.array(cubic_of(v))) for v in (f.elastic.C_vv, f.C_error_vv))
+        constants = ", ".join(f"{n} {c:.4g} ± {s:.1g}" for n, c, s in zip(("C11", "C12", "C44"), C, e))
+        rms = 100 * np.sqrt((f.error_k**2).mean())
+        return [
+            f"material: measured, springs from the fluctuations of {f.source.rsplit(' frame ', 1)[0]}: {f.frames} "
+            f"frames, {f.temperature:.4g} {units.label('temperature')}, {len(f.k_kc)} waves, ω² within {rms:.2g} %",
+            f"energy: {constants} {units.label('pressure')}, errors from {f.blocks} blocks",
+        ]
+
     def after(self, simulation) -> list[str]:
         return []
 
 
 def linear(crystal, model, axes, made, atoms: bool) -> LinearTwin:
     """Springs of a relaxed crystal on the nodes of a `TwinBody`, or on the atoms themselves."""
-    from .. import pd
-
     turned = crystal.strained(axes.T - np.eye(3))
     fc, C = force_constants(turned, model), elastic_constants(turned, model)
     if not C.stable:
         raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
+    return on_nodes(fc, C, made, atoms)
+
+
+def measured(crystal, axes, made, traj) -> LinearTwin:
+    """Springs from the fluctuations of a run of the perfect crystal in equilibrium (see `upscaling.fluctuations`)."""
+    from ..upscaling.fluctuations import fluctuations
+
+    found = fluctuations(traj, crystal.strained(axes.T - np.eye(3)))
+    if found.elastic is None:
+        raise AtcError(f'{crystal.name}: material = "measured" is for crystals of one atom a cell: take "linear"')
+    if not found.elastic.stable:
+        raise AtcError(
+            f"{found.source}: the elastic constants of its fluctuations are not those of a stable crystal: the run is "
+            "too short, or no equilibrium"
+        )
+    out = on_nodes(found.fc, found.elastic, made, atoms=False)
+    out.found = found
+    return out
+
+
+def on_nodes(fc, C, made, atoms: bool) -> LinearTwin:
+    """The springs of force constants on the nodes of a `TwinBody`."""
+    from .. import pd
+
     if atoms:
         kernel = LatticeSprings(fc)
         material = pd.Linear(kernel)

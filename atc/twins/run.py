@@ -27,6 +27,7 @@ from .conditions import (
 )
 from .crack import Crack, add_crack, crack_lines, unit_vector
 from .damage import NearestBonds, add_damage, on_grid
+from .nodes import add_nodes, classical_of
 from .outside import from_script
 
 
@@ -37,7 +38,8 @@ class Twin:
     Attributes
     ----------
     dataset : xarray.Dataset in the trajectory's units: md_*, pd_* and difference_* of density, displacement, velocity
-        and stress (frame, the grid's dimensions), md_box_stress and pd_box_stress
+        and stress (frame, the grid's dimensions), md_box_stress and pd_box_stress; md_, pd_ (and classical_)
+        node_displacement (frame, node, i); norm_*, elastic_*
     rows : the norms, one dict for each field and region
     lines : what was decided before the run
     body : TwinBody. material : what `twin_material` made. simulation : pd.Simulation after the run (internal units)
@@ -145,7 +147,7 @@ def _twin(scene, tell, progress) -> Twin:
         made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, law))
     else:
         made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
-    material = twin_material(get, crystal, law, orientation(scene), made, reference)
+    material = twin_material(get, crystal, law, orientation(scene), made, reference, scene.equilibrium)
 
     run = Run(traj, reference)
     frames = [run[k] for k in range(len(run))]
@@ -169,11 +171,17 @@ def _twin(scene, tell, progress) -> Twin:
     bonds = NearestBonds(reference, crystal) if getattr(material, "damage", None) is not None else None
     crack = _crack(scene, get, made, reference, kernel, bonds, sim)
     md_damage, pd_damage, broken, tips, spent = [], [], [], [], []
+    md_nodes = [smoothed_displacement(f, reference, made.smoothing, made.body.X_nc) for f in frames]
+    pd_nodes = []
     found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
     names.append("energy")
     for k in range(len(frames)):
         _advance(sim, frames, times, k, motion)
-        found.append(_fields_of_nodes(sim, material, u, kern, grid, names, reference))
+        pd_nodes.append(sim.state.u_nc.copy())
+        with warnings.catch_warnings():
+            if k:  # what is wrong with the grid has been said of the first
+                warnings.simplefilter("ignore", AtcWarning)
+            found.append(_fields_of_nodes(sim, material, u, kern, grid, names, reference))
         if bonds is not None:
             points = grid.bind(u, frames[k].cell).points_gc
             lost = bonds.lost(frames[k]), sim.damage()
@@ -215,6 +223,9 @@ def _twin(scene, tell, progress) -> Twin:
     bulk = float(u.to_user("density", crystal.density))
     bound = grid.bind(u, sim.cell)
     deep = away_from_surfaces(sim, bound.points_gc, kernel.support).reshape(bound.shape)
+    acted = bool(held.any() or script.forces or motion == "static")
+    waves = classical_of(made, material, reference, frames, times, md_nodes[0], acted)
+    add_nodes(data, u, made, md_nodes, pd_nodes, waves)
     rows = norms(data, names, bulk, deep)
     add_norms(data, rows)
     add_constants(data, u, material)

@@ -15,7 +15,7 @@ import atc
 from atc.errors import AtcError
 
 pytestmark = pytest.mark.tools
-ENERGY, FORCE, EWALD = 1e-9, 1e-10, 3e-7
+ENERGY, FORCE, EWALD = 1e-11, 1e-12, 3e-7
 
 
 def tail_of(pot):
@@ -59,6 +59,20 @@ def test_nonbonded(method, settings, limit):
     assert (tail_of(pot) != 0.0) == (method in ("CutoffPeriodic", "Ewald", "PME"))
 
 
+def test_a_cell_is_neutral_to_the_digits_of_its_charges():
+    system, x = om.ions("Ewald", box=np.diag(np.diag(om.BOX)), EwaldErrorTolerance=1e-9, UseDispersionCorrection=False)
+    force = om.nonbonded(system)
+    for k in range(len(x)):
+        q, s, e = force.getParticleParameters(k)
+        force.setParticleParameters(k, q._value + 7e-7, s, e)
+    pot = atc.potential(system)
+    assert "charges add up to 8.4e-05 e" in pot.describe()
+    assert om.differences(pot, system, x, np.diag(np.diag(om.BOX)))[1] <= 5e-6
+    force.setParticleParameters(0, 1.0, 0.2, 0.3)
+    with pytest.raises(AtcError, match="the cell has a charge of 0.2"):
+        atc.potential(system).stream(om.frame_of(x, np.diag(np.diag(om.BOX))))
+
+
 def test_a_protein_by_force():
     """AMBER ff14SB: bonds, angles, torsions, nonbonded with 1-4 pairs, each alone and all together."""
     import openmm
@@ -87,6 +101,37 @@ def test_a_protein_by_force():
     pairs = pot.constraints.pairs(pot.complete(om.frame_of(x)))
     assert len(pairs) == system.getNumConstraints() > 200
     assert "CMMotionRemover" in pot.describe()
+
+
+def test_chiral_force_fields():
+    """CHARMM36 with correction maps and phases, by forces across bonds."""
+    import openmm
+    from openmm import app, unit
+
+    topology, x = om.villin()
+    m = app.Modeller(topology, x * unit.nanometer)
+    m.delete([r for r in m.topology.residues() if r.name == "Cl"])
+    x = om.positions(m.positions)
+    system = app.ForceField("charmm36.xml").createSystem(m.topology, nonbondedMethod=app.NoCutoff)
+    kinds = {type(f).__name__ for f in system.getForces()}
+    assert {"CMAPTorsionForce", "CustomTorsionForce", "CustomNonbondedForce", "CustomBondForce"} <= kinds
+    pot = atc.potential(system, chiral=True)
+    dE, dF = om.differences(pot, system, x)
+    assert dF <= FORCE and abs(dE) <= 1e-7 and not pot.central
+    assert any(t.name == "correction map (CMAP)" for t in pot.terms if hasattr(t, "name"))
+    # phases and formulas of any kind, alone
+    torsions, formula = (
+        openmm.PeriodicTorsionForce(),
+        openmm.CustomTorsionForce("k*(1 + cos(3*theta + 0.3)) + sin(theta)"),
+    )
+    formula.addPerTorsionParameter("k")
+    for k in range(0, 200, 3):
+        torsions.addTorsion(k, k + 1, k + 4, k + 6, k % 4 + 1, 0.4 * (k % 5), 1.0 + k % 3)
+        formula.addTorsion(k, k + 2, k + 3, k + 6, [float(k % 3)])
+    for force in (torsions, formula):
+        one = _with(force, len(x))
+        dE, dF = om.differences(atc.potential(one, chiral=True), one, x)
+        assert dF <= FORCE and abs(dE) <= 1e-8, (type(force), dE, dF)
 
 
 @pytest.mark.parametrize("model, xml", [("spce", "spce.xml"), ("tip4pew", "tip4pew.xml"), ("tip5p", "tip5p.xml")])
@@ -513,12 +558,19 @@ def test_wrong_trajectories_and_files(tmp_path):
     for name, words, more in (
         ("state.xml", "holds a VerletIntegrator", {}),
         ("ff.xml", "a force field, not a System", {}),
-        ("bad.xml", "does not understand it", {}),
-        ("bad.top", "does not understand it", {"method": "NoCutoff"}),
+        ("bad.xml", "does not understand it: expected what openmm.XmlSerializer", {}),
+        ("bad.top", "does not understand it: .*all it includes", {"method": "NoCutoff"}),
     ):
         with pytest.raises(AtcError, match=words) as e:
             atc.potential(tmp_path / name, **more)
         assert "\n" not in str(e.value) and name in str(e.value)
+    _write(tmp_path)
+    (tmp_path / "amber.top").write_text(om.prmtop())
+    with pytest.raises(AtcError, match="a file of AMBER, not of GROMACS: give it as prmtop"):
+        atc.Scene.load(
+            {"trajectory": {"file": "x"}, "potential": {"top": str(tmp_path / "amber.top"), "method": "NoCutoff"}}
+        ).potential()
+    assert len(atc.potential(tmp_path / "amber.top", method="NoCutoff").terms) == 5
 
 
 def test_every_key_of_a_scene_counts(tmp_path):
@@ -554,6 +606,12 @@ def test_every_key_of_a_scene_counts(tmp_path):
         {"constraints": "allbonds"},
     ):  # fmt: skip
         assert model(**{**top, **change}) != base, change
+    (tmp_path / "phase.top").write_text(om.top(2).replace("9 180 1.5 2", "9 60 1.5 2"))
+    with pytest.raises(AtcError, match="chiral = true"):
+        model(top="phase.top", method="NoCutoff")
+    assert model(top="phase.top", method="NoCutoff", chiral=True) != model(
+        top="rule2.top", method="NoCutoff", chiral=True
+    )
     psf = {"psf": "a.psf", "method": "NoCutoff", "parameters": "a.prm"}
     assert model(**psf) != model(**{**psf, "parameters": ["soft.prm"]})
     prm = {"prmtop": "a.prmtop", "method": "NoCutoff"}

@@ -195,6 +195,14 @@ def test_shaken_water_by_its_script(tmp_path, box):
     np.testing.assert_allclose(found, -voigt_to_tensor(p6), rtol=0, atol=1e-6 * 14000.0 * 9)
     assert ds.attrs["constraint_source"] == "forces" and ds.attrs["constraint_error"] < 1e-5
     assert "virtual sites" in ds.attrs["decomposition"]
+    from atc.agreement.forces import compare_forces
+    from atc.analysis.check import check
+
+    assert compare_forces(traj[-1], pot).agrees
+    report = check(traj, pot, GAUSS, points=1)
+    assert report.ok, report.verdict
+    for law in ("momentum", "energy"):
+        assert report.data["laws"][law]["fields"]["residual"] < 1e-9, report.data["laws"]
 
 
 def test_what_is_refused_is_named(box, long):
@@ -214,13 +222,34 @@ def test_what_is_refused_is_named(box, long):
     with pytest.raises(AtcError, match="atom 1 is the oxygen .* atoms 2 and 3 are not its hydrogens"):
         long.stream(frame.replace(types=np.ones(81, int)))
     grid = atc.Grid.points([[1.0, 1, 1]])
+    cut = model(f"pair_style lj/cut/tip4p/cut {SITE} 4.5 4.2\n{LJ}{BONDS}")
     for more, message in (
         ({"quantities": ["virial_stress_per_atom"]}, "not known of single atoms"),
         ({"quantities": ["stress"], "tiles": (1, 1, 2)}, "tiles: not with virtual sites"),
+        ({"quantities": ["stress"], "pot": cut, "grid": atc.Grid.planes("z", n=3)}, "not counted on planes"),
         ({"quantities": ["piola_stress"], "reference": frame}, "a field has no bonds|reference frame does not have"),
     ):
+        asked = {"pot": long, "kern": GAUSS, "grid": grid} | more
         with pytest.raises(AtcError, match=message):
-            atc.fields(frame, long, GAUSS, grid, **more)
+            atc.fields(frame, **asked)
+
+
+def test_charges_and_dipoles_are_those_of_the_sites(box, long):
+    """Profiles of charge and polarisation against those of a frame with the sites as atoms."""
+    from atc.analysis.species_profile import SpeciesSums
+
+    config, _ = four_points(box)
+    config.masses[3] = 1e-9
+    grid, found = atc.Grid.slab("z", 12), []
+    molecules = np.repeat(np.arange(27) + 1, 4)
+    for frame, pot in ((box.frame(), long), (config.frame().replace(molecules=molecules), None)):
+        sums = SpeciesSums(pot, atc.kernel("gaussian", width=1.5), grid)
+        sums.add(0, frame.replace(charges=np.where(frame.types == 3, -0.82, frame.charges)))
+        _, charge, _, polar = sums.arrays()
+        found.append((charge, polar))
+    (charge, polar), (want_charge, want_polar) = found
+    np.testing.assert_allclose(charge, want_charge, rtol=0, atol=1e-9 * np.abs(want_charge).max())
+    np.testing.assert_allclose(polar, want_polar, rtol=0, atol=1e-7 * np.abs(want_polar).max())
 
 
 class _Inside:

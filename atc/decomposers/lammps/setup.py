@@ -242,9 +242,20 @@ class Setup:
 
     def _unnumbered(self, frame):
         """A frame whose atoms have no numbers of their own: nothing that the script says of single atoms can be put to
-        them."""
+        them; masses are those of types, where no atom has one of its own."""
+        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        one_type = table.n_types == 1 and "types" not in self.changing
+        if frame.masses is None and "masses" not in self.changing and (one_type or self._own(frame, "types")):
+            of_type = table.type_masses
+            every = np.isnan(table.masses).all() and not table.unknown["masses"].any()
+            if every and set(np.unique(frame.types).tolist()) <= of_type.keys():
+                top = int(frame.types.max(initial=0))
+                m_t = np.array([of_type.get(t, 0.0) for t in range(top + 1)]) * units(self.units).mass
+                frame = frame.replace(masses=m_t[frame.types])
         for p in ("types", "charges", "topology"):
             if p != "topology" and self._own(frame, p) and p not in self.changing:
+                continue
+            if p == "types" and one_type and (frame.types == 1).all():
                 continue
             keys = SECTIONS if p == "topology" else (p,)
             c = next((self.edits[k] for k in (*keys, "ids") if k in self.edits), None)

@@ -32,4 +32,4 @@ def potential_from_openmm(source, kind: str | None = None, **options):
     kind = kind_of(source) if kind is None else kind
     made = Options.of(source, kind, options)
     system, name = system_of(source, kind, made)
-    return potential_of(system, name, made.switching)
+    return potential_of(system, name, made.switching, made.chiral)

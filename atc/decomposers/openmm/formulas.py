@@ -221,3 +221,14 @@ class FormulaTorsion(_Formulas, LeptonTorsion):
     @staticmethod
     def mirrored(phi):
         return -phi
+
+
+class FormulaLaw:
+    """U(φ) and its slope, internal, of types with numbers, for `chiral.AcrossTorsion`."""
+
+    def __init__(self, formula, numbers):
+        self.formula, self.numbers = formula, numbers
+
+    def __call__(self, phi, types):
+        u, du = self.formula(phi, **{k: v[types] for k, v in self.numbers.items()})
+        return u * OPENMM.energy, du * OPENMM.energy

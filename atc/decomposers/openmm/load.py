@@ -20,11 +20,12 @@ _NM = 0.1
 
 @dataclass(frozen=True)
 class Options:
-    """What a file does not say of a run; nothing of it goes with a System or its XML but `switching`.
+    """What a file does not say of a run; only `switching` and `chiral` go with a System or its XML.
 
     parameters : CHARMM's parameter files (prm, rtf, str), for a psf
     method : one of `METHODS`. cutoff, switch : Å; switch is where Lennard-Jones forces begin to end
     switching : one of `SWITCHES`
+    chiral : whether torsions that tell a molecule from its mirror image (phases, CMAP) are taken, see `chiral`
     constraints : one of `HELD`. rigid_water : whether water is rigid
     defines : names that GROMACS's preprocessor knows, or {name: what it stands for}. include : the folder of its force
         fields
@@ -35,6 +36,7 @@ class Options:
     cutoff: float | None = None
     switch: float | None = None
     switching: str | None = None
+    chiral: bool = False
     constraints: str | None = None
     rigid_water: bool | None = None
     defines: dict | tuple | None = None
@@ -62,7 +64,7 @@ class Options:
         if isinstance(given.get("parameters"), str | os.PathLike):
             given["parameters"] = (given["parameters"],)
         for key in given:
-            if key != "switching" and kind == "openmm":
+            if key not in ("switching", "chiral") and kind == "openmm":
                 raise AtcError(f"{key}: leave it out: {_name(source)} is a whole System, which says it itself")
         for key, of in (("parameters", "psf"), ("defines", "top"), ("include", "top")):
             if key in given and kind != of:
@@ -130,10 +132,19 @@ def system_of(source, kind: str, options: Options):
         return {"prmtop": _from_prmtop, "psf": _from_psf, "top": _from_top}[kind](str(source), options), name
     except AtcError:
         raise
-    except Exception as e:
-        # What its readers raise is of many kinds; the first sentence of theirs names the atom type or line.
-        why = " ".join(str(e).split())[:160] or type(e).__name__
-        raise AtcError(f"{name}: OpenMM's reader does not understand it ({why})") from None
+    except Exception:
+        raise AtcError(f"{name}: OpenMM's reader does not understand it: {_HINTS[kind]}") from None
+
+
+#: What a file mostly lacks that a reader of OpenMM does not take.
+_HINTS = {
+    "openmm": "expected what openmm.XmlSerializer.serialize(system) writes, of a version that is not newer than the "
+    "OpenMM here",
+    "prmtop": "expected a whole parameter and topology file of AMBER 7 or newer",
+    "psf": "expected a psf whose types and parameters are all in the files of parameters",
+    "top": "expected a topology of GROMACS with all it includes (give include and defines as for grompp), every type "
+    "and every molecule's parameters; what 'gmx grompp -pp' writes is whole",
+}
 
 
 def _from_xml(openmm, path, name):
@@ -202,6 +213,8 @@ def _from_psf(path, options):
 def _from_top(path, options):
     from openmm import app
 
+    if _head(Path(path)).lstrip().startswith("%VERSION"):
+        raise AtcError(f"{path}: a file of AMBER, not of GROMACS: give it as prmtop")
     more = {} if options.include is None else {"includeDir": str(options.include)}
     defines = options.defines if isinstance(options.defines, dict) else dict.fromkeys(options.defines or (), "")
     box = {"periodicBoxVectors": _box(options)} if _periodic(options) else {}

@@ -24,6 +24,9 @@ from .pairs import SWITCHED, Exceptions, LennardJonesPowers, ReactionField
 
 #: nm: the cutoff of a model without one; larger than any system without a box.
 ENDLESS = 1000.0
+#: Charges are known to this, e: a cell whose charge is less than as much on each particle is neutral.
+DIGIT = 1e-6
+_MODES = ("Ewald", "PME", "LJPME")
 #: Gauss-Legendre nodes of integrals over distances, exact for powers.
 _NODES = 48
 _PERIODIC = ("CutoffPeriodic", "Ewald", "PME", "LJPME")
@@ -84,6 +87,9 @@ def nonbonded(forces, n: int, name: str, switching: str | None = None) -> Nonbon
     if len(table) > MAX_TYPES:
         raise AtcError(f"{name}: {len(table)} kinds of particles by their pair parameters: supported are {MAX_TYPES}")
     out.kinds, out.exclusions = kinds.reshape(-1) + 1, pairs
+    if plain and METHODS[plain[0].getNonbondedMethod()] in _MODES:
+        out.charges, said = _neutral(out.charges)
+        out.remarks += said
     make = _Maker(name, table, np.bincount(out.kinds - 1, minlength=len(table)), out.charges, switching)
     styles, reach = [], np.inf
     if plain:
@@ -103,6 +109,15 @@ def nonbonded(forces, n: int, name: str, switching: str | None = None) -> Nonbon
     if keep.any():
         out.terms.append(Exceptions(pairs[keep], rows[keep], reach))
     return out
+
+
+def _neutral(charges):
+    """Charges that add up to nothing, where what they add up to is the last digit of a file, and a word about it."""
+    total = float(charges.sum())
+    if not 0.0 < abs(total) <= DIGIT * len(charges):
+        return charges, []
+    text = f"the charges add up to {total:.3g} e, which is taken off all of them evenly"
+    return charges - total / len(charges), [text] if abs(total) > 1e-9 * len(charges) else []
 
 
 def _refuse_offsets(force, name):

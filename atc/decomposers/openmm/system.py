@@ -37,8 +37,8 @@ _REFUSED = {
 }
 
 
-def potential_of(system, name: str, switching: str | None = None) -> Potential:
-    """The potential of a System.
+def potential_of(system, name: str, switching: str | None = None, chiral: bool = False) -> Potential:
+    """The potential of a System; options as of `load.Options`.
 
     Raises AtcError for Forces, virtual sites and forms that are not mapped, by their names.
     """
@@ -49,7 +49,7 @@ def potential_of(system, name: str, switching: str | None = None) -> Potential:
     for force in forces:
         kind = type(force).__name__
         if kind in BONDED:
-            terms += BONDED[kind](force, name)
+            terms += BONDED[kind](force, name, chiral)
         elif kind in _STEERING:
             remarks.append(f"{kind} ({_STEERING[kind]}) is no part of the model")
         elif kind not in ("NonbondedForce", "CustomNonbondedForce"):

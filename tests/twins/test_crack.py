@@ -1,0 +1,107 @@
+"""The crack in a run and its twin: where a body was cut by hand, the tip and the area are known."""
+
+import warnings
+
+import numpy as np
+import pytest
+from crystals import crystal
+from test_twin import block, scene, twin_of
+
+import atc
+from atc import pd
+from atc.frame import Cell, Frame
+from atc.twins.body import body_of
+from atc.twins.crack import Crack, unit_vector
+from atc.twins.damage import NearestBonds
+
+A = float(np.linalg.norm(crystal("argon").conventional[0]))
+COUNTS = (10, 8, 3)
+
+
+def strip():
+    """Argon, 10 x 8 x 3 cubes, open along x and y."""
+    cells = np.stack(np.meshgrid(*map(np.arange, COUNTS), indexing="ij"), axis=-1).reshape(-1, 1, 3)
+    X = ((cells + np.array([[0, 0, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0]])) * A).reshape(-1, 3) + 0.1
+    cell = Cell(np.diag(np.array(COUNTS) * A), periodic=(False, False, True))
+    return Frame(X, cell, crystal("argon").units, masses=np.full(len(X), crystal("argon").masses[0]), source="strip")
+
+
+@pytest.fixture(scope="module")
+def followed():
+    reference, kernel = strip(), atc.kernel("quartic", 7.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", atc.AtcWarning)
+        made = body_of(reference, kernel, crystal("argon").density, A, None)
+        sim = pd.Simulation(made.body, pd.LPS(bulk=1.0, shear=0.6), damage=pd.CriticalStretch(0.1))
+    bonds = NearestBonds(reference, crystal("argon"))
+    return Crack(made, reference, kernel, bonds, sim, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
+
+
+MIDDLE = 3.9 * A
+
+
+def cut(crack, end):
+    """Break all bonds of both that cross the plane y = MIDDLE where x < end; returns what `measure` finds."""
+
+    def crossed(x_bc, xi_bc):
+        share = np.divide(MIDDLE - x_bc[:, 1], xi_bc[:, 1], out=np.full(len(xi_bc), -1.0), where=xi_bc[:, 1] != 0)
+        return (share > 0) & (share < 1) & (x_bc[:, 0] + share * xi_bc[:, 0] < end)
+
+    sim, bonds = crack.sim, crack.bonds
+    t, X = sim.body.bonds, sim.body.X_nc
+    sim.state.intact_b[:] = ~crossed(X[t.i_b], t.xi_bc(X))
+    gone = crossed(bonds.reference.positions[bonds.i], -bonds.r_bc)
+    bonds.gone = lambda frame: gone
+    return crack.measure(None)
+
+
+def test_nothing_broken_has_no_tip(followed):
+    (md, area_md), (pd_, area_pd) = cut(followed, -9.0)
+    assert np.isnan(md) and np.isnan(pd_) and area_md == area_pd == 0.0
+
+
+@pytest.mark.parametrize("end", [3.2 * A, 5.6 * A, 7.4 * A])
+def test_a_straight_cut(followed, end):
+    """The tip of both is found within 0.6 distances of nodes, the area within a tenth."""
+    (md, area_md), (pd_, area_pd) = cut(followed, end)
+    assert md == pytest.approx(end, abs=0.6 * A) and pd_ == pytest.approx(end, abs=0.6 * A)
+    want = end * COUNTS[2] * A
+    assert area_md == pytest.approx(want, rel=0.1) and area_pd == pytest.approx(want, rel=0.1)
+
+
+def test_damage_elsewhere_does_not_move_the_tip(followed):
+    """A node all of whose bonds are gone, far ahead: the tip stays with the crack."""
+    before = cut(followed, 4.0 * A)[1]
+    sim = followed.sim
+    far = np.argmin(np.linalg.norm(sim.body.X_nc - [8.5 * A, 1.5 * A, 1.5 * A], axis=1))
+    sim.state.intact_b[(sim.body.bonds.i_b == far) | (sim.body.bonds.j_b == far)] = 0
+    after = followed.measure(None)[1]
+    assert after[0] == before[0] and after[1] > before[1]
+
+
+def test_in_the_dataset(tmp_path):
+    """Torn in two between grips: both sides lose the area of the cross-section, and the twin the energy for it."""
+    pull = lambda d: lambda X: np.where(X[:, :1] > 2.4 * A, [d, 0.0, 0.0], 0.0)  # noqa: E731
+    frames = [block(), *(block(u=pull(d), time=500.0 * k) for k, d in enumerate((0.0, 1.0, 2.0, 3.0)))]
+    boxes = [[[-9, -9, -9], [1.2 * A, 99, 99]], [[3.2 * A, -9, -9], [4.4 * A, 99, 99]]]
+    more = {"crack_direction": [0, 1, 0], "crack_normal": [2, 0, 0]}
+    found = twin_of(tmp_path / "run.dump", frames, grips=boxes, fracture=True, spacing=2.65, **more)
+    ds = found.dataset
+    assert ds["md_crack_area"].values[0] == ds["pd_crack_area"].values[0] == 0.0
+    # One plane parts; that between the pulled end and the image of the held one is pressed together.
+    L = 5 * A
+    assert ds["md_crack_area"].values[-1] == pytest.approx(L**2, rel=1e-6)
+    assert ds["pd_dissipated_energy"].values[-1] > 0 and ds["pd_dissipated_energy"].attrs["units"] == "eV"
+    assert (np.diff(ds["pd_dissipated_energy"].values) >= 0).all()
+    assert any("crack, MD: from frame" in line for line in found.lines)
+    for wrong, words in (
+        ({"crack_direction": [1, 0, 0]}, "needs crack_normal"),
+        ({"crack_normal": [1, 0, 0]}, "needs crack_direction"),
+        ({"crack_direction": [1, 0, 0], "crack_normal": [1, 1, 0]}, "must be normal"),
+        ({**more, "fracture": False}, "where bonds break"),
+    ):
+        with pytest.raises(atc.AtcError, match=words), warnings.catch_warnings():
+            warnings.simplefilter("ignore", atc.AtcWarning)
+            atc.twin(scene(tmp_path / "run.dump", frames[:2], **{"fracture": True, **wrong}))
+    with pytest.raises(atc.AtcError, match="not 0"):
+        unit_vector([0, 0, 0], "crack_direction")
