@@ -1,7 +1,7 @@
 # make demo    a field file, a picture and a table from the silicon plate in data/, in a few minutes on a fresh machine
 # make test    lint and all tests, but for those that have environments of their own: learned models,
 # make test-torch | test-mace | test-nequip    (the last two need different versions of one library), and
-# make test-tools   ParaView's readers, OVITO and streams (IMDv3)
+# make test-tools   ParaView's readers, OVITO, streams (IMDv3), OpenMM, dynasor, Euphonic and seekpath
 # make docs    the site, in build/site: dead links are errors (its snippets are run by the tests)
 # make lint    ruff, mypy         make bench   speed, to be read by a person          make clean   remove what make made
 #
@@ -52,7 +52,7 @@ $(VENV)/.atc-test: pyproject.toml | $(BIN)/python
 
 # Large packages that nothing else needs, with demands of their own (Qt): apart from the rest.
 $(VENV_TOOLS)/.atc-tools: pyproject.toml | $(BIN)/python
-	@echo "installing vtk, pyvista, ovito and imdclient into $(VENV_TOOLS)"
+	@echo "installing vtk, pyvista, ovito, openmm, dynasor, euphonic, pint and imdclient into $(VENV_TOOLS)"
 	@test -x $(VENV_TOOLS)/bin/python || $(BIN)/python -m venv $(VENV_TOOLS)
 	@$(VENV_TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check -e ".[tools]"
 	@touch $@
@@ -120,7 +120,8 @@ test-nequip: $(VENV)-nequip/.ready
 	$(VENV)-nequip/bin/python -m pytest -q tests/torch_models/test_nequip.py
 
 test-tools: $(VENV_TOOLS)/.atc-tools
-	$(VENV_TOOLS)/bin/python -m pytest -q -m tools tests/export/test_viewers.py tests/running/test_stream.py
+	$(VENV_TOOLS)/bin/python -m pytest -q -m tools tests/export/test_viewers.py tests/export/test_pint.py \
+		tests/running/test_stream.py tests/upscaling/test_other_phonon_codes.py tests/decomposers/test_openmm.py
 
 bench: | $(VENV)/.atc-test
 	@$(BIN)/python -m pytest -q benchmarks/test_standing.py

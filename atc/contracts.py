@@ -73,6 +73,8 @@ class Interactions(Protocol):
     fields: Sequence[Any] = ()
     #: distances and bodies that are held (`Constraints`), or None
     constraints: Any = None
+    #: points besides the atoms that forces act on (`VirtualSites`), or None
+    sites: Any = None
     #: forces from outside whose laws are known (`OutsideForces`), or None
     acting: Any = None
     #: attributes of the output that say what it is, besides ``decomposition``, which is `describe`
@@ -128,6 +130,11 @@ class Interactions(Protocol):
 
     def complete(self, frame: Frame) -> Frame:
         """The frame with what the model knows of its atoms (charges, masses, topology) and the frame does not."""
+        return frame
+
+    def carriers(self, frame: Frame) -> Frame:
+        """The frame that the bonds' indices refer to: more particles than the frame's own where there are virtual
+        sites."""
         return frame
 
     def settled(self, frame: Frame) -> Interactions:

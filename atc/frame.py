@@ -195,6 +195,7 @@ class Frame:
         file beside it; "assumed" for
         types and "boundary" that nothing says, "order" for "ids" that are places in the file; "none" for a "cell" that
         there is none of, "declared" for what the user said
+    before : Frame or None, the one of the trajectory before this, where what happens in between is asked for
     """
 
     positions: np.ndarray
@@ -216,6 +217,7 @@ class Frame:
     molecules: np.ndarray | None = None
     groups: np.ndarray | None = None
     given: dict = field(default_factory=dict)
+    before: Frame | None = None
 
     def __post_init__(self):
         self.positions = np.ascontiguousarray(self.positions, dtype=np.float64)

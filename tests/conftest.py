@@ -50,5 +50,5 @@ def pytest_report_header(config):
             "tests of several minutes each are left out: pytest -m slow runs them, pytest -m '' runs everything"
         )
     if "not tools" in config.option.markexpr:
-        said.append("tests that need vtk, pyvista, ovito or imdclient are left out: make test-tools runs them")
+        said.append("tests that need vtk, pyvista, ovito, imdclient or openmm are left out: make test-tools runs them")
     return said

@@ -3,9 +3,13 @@
 import contextlib
 import io
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from atc.cli import app
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -14,6 +18,9 @@ SNIPPET = re.compile(r"^```python\n(.*?)^```$(?:\n\n```text\n(.*?)^```$)?", re.M
 PAGES = [p for p in sorted(DOCS.rglob("*.md")) if any(text for _, text in SNIPPET.findall(p.read_text()))]
 #: Pages that run LAMMPS for minutes.
 LONG = {"slit_flow.md"}
+#: Pages whose commands are carried out, too, in the order of the page.
+TRIED = {"wire.md", "files.md"}
+BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$(?:\n\n```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
@@ -45,14 +52,21 @@ def test_what_counts_as_the_same():
     ids=lambda p: p.relative_to(DOCS).as_posix(),
 )
 def test_snippets(page, tmp_path, monkeypatch):
-    if page.name in LONG:
+    if re.search(r"^(import lammps|from lammps)", page.read_text(), re.MULTILINE):
         from lammps_oracle import _load_mpi
 
         _load_mpi()
     (tmp_path / "data").symlink_to(ROOT / "data")
     monkeypatch.chdir(tmp_path)
     names: dict = {}
-    for code, written in SNIPPET.findall(page.read_text()):
+    for kind, code, written in BLOCK.findall(page.read_text()):
+        if kind == "console":
+            for line in code.splitlines() if page.name in TRIED else ():
+                assert line.startswith("$ atc "), line
+                done = CliRunner().invoke(app, shlex.split(line)[2:])
+                assert done.exit_code == 0, f"{page}: {line}\n{done.output}"
+                assert "warning" not in done.output, f"{page}: {line}\n{done.output}"
+            continue
         out = io.StringIO()
         with contextlib.redirect_stdout(out):
             exec(compile(code, str(page), "exec"), names)

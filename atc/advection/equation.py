@@ -37,7 +37,8 @@ _FFT_FROM = 200  # stencil half-width from which Burgers by FFT is faster (measu
 
 @dataclass(frozen=True)
 class Kernel:
-    """Discrete φ_a(z) = C z b(|z|/δ) and φ_s(z) = C b(|z|/δ) on a grid, both with their moments exactly 2.
+    """Discrete φ_a(z) = C z b(|z|/δ) and φ_s(z) = C b(|z|/δ) on a grid, both with their moments exactly 2; φ_s has a
+    profile and a horizon of its own where they are given.
 
     Parameters
     ----------
@@ -47,36 +48,57 @@ class Kernel:
         δ.
     spacing : float
         Of the grid. Weights are cell averages of b, so δ need not be a multiple; it has to reach the next node.
+    smoothing_shape, smoothing_horizon : of φ_s, by default those of φ_a
     """
 
     shape: str | Callable
     horizon: float
     spacing: float
+    smoothing_shape: str | Callable | None = None
+    smoothing_horizon: float | None = None
 
     def __post_init__(self):
-        for name in ("horizon", "spacing"):
+        for name in ("horizon", "spacing", "smoothing_horizon"):
             value = getattr(self, name)
+            if value is None and name == "smoothing_horizon":
+                continue
             if not (isinstance(value, (int, float, np.number)) and math.isfinite(value) and value > 0):
                 raise AtcError(f"{name} = {value!r}: expected a length greater than 0")
-        if isinstance(self.shape, str) and self.shape not in _SHAPES:
-            raise AtcError(f"kernel {self.shape!r}: expected {', '.join(KERNELS)} or a function")
+        for shape in (self.shape, self.smoothing_shape):
+            if isinstance(shape, str) and shape not in _SHAPES:
+                raise AtcError(f"kernel {shape!r}: expected {', '.join(KERNELS)} or a function")
+
+    @property
+    def smoothed_alike(self) -> bool:
+        """Whether φ_s has the profile and horizon of φ_a."""
+        return self.smoothing_shape is None and self.smoothing_horizon is None
 
     @cached_property
     def profile_m(self) -> np.ndarray:
-        """C b averaged over the cells m = 1 … M, times the spacing."""
-        b, end = _SHAPES[self.shape] if isinstance(self.shape, str) else (self.shape, 1.0)
-        reach, dx = self.horizon * end, self.spacing
+        """C b of φ_a averaged over the cells m = 1 … M, times the spacing."""
+        return self._profile(self.shape, self.horizon)
+
+    @cached_property
+    def smoothing_m(self) -> np.ndarray:
+        """C b of φ_s averaged over its cells, times the spacing."""
+        if self.smoothed_alike:
+            return self.profile_m
+        shape = self.shape if self.smoothing_shape is None else self.smoothing_shape
+        return self._profile(shape, self.horizon if self.smoothing_horizon is None else self.smoothing_horizon)
+
+    def _profile(self, shape, horizon):
+        b, end = _SHAPES[shape] if isinstance(shape, str) else (shape, 1.0)
+        reach, dx = horizon * end, self.spacing
         M = math.ceil(reach / dx - 0.5 - 1e-9)
         if M < 1:
             raise AtcError(
-                f"horizon = {self.horizon:g}: does not reach the next node at {dx:g}; take more nodes or a longer "
-                "horizon"
+                f"horizon = {horizon:g}: does not reach the next node at {dx:g}; take more nodes or a longer horizon"
             )
         m = np.arange(1, M + 1)
         left, right = (m - 0.5) * dx, np.minimum((m + 0.5) * dx, reach)
         nodes, weights = np.polynomial.legendre.leggauss(8)
         z = 0.5 * (left + right)[:, None] + 0.5 * (right - left)[:, None] * nodes
-        values = np.asarray(b(z / self.horizon), dtype=float)
+        values = np.asarray(b(z / horizon), dtype=float)
         if values.shape != z.shape or not np.isfinite(values).all():
             raise AtcError(
                 "the kernel's profile: expected a finite number for every distance between 0 and the horizon"
@@ -93,17 +115,21 @@ class Kernel:
 
     @property
     def neighbors(self) -> int:
-        return len(self.profile_m)
+        """M, of the kernel that reaches further."""
+        return max(len(self.profile_m), len(self.smoothing_m))
 
     @property
     def odd_m(self) -> np.ndarray:
         """φ_a Δx at z = mΔx, m = 1 … M (at −m the negative)."""
-        return self.profile_m * np.arange(1, self.neighbors + 1) * self.spacing
+        return self._padded(self.profile_m) * np.arange(1, self.neighbors + 1) * self.spacing
 
     @property
     def even_m(self) -> np.ndarray:
         """φ_s Δx at z = ±mΔx, m = 1 … M."""
-        return self.profile_m
+        return self._padded(self.smoothing_m)
+
+    def _padded(self, x_m):
+        return np.concatenate([x_m, np.zeros(self.neighbors - len(x_m))])
 
     def advection_symbol(self, k) -> np.ndarray:
         """∫ φ_a(z) sin(kz) dz of the discrete kernel: 2k for long waves."""
@@ -161,12 +187,32 @@ class AdvectionRun:
         size = np.abs(self.u_tn[0]).sum() * (self.x_n[1] - self.x_n[0])
         return float(np.abs(self.mass_t - self.mass_t[0]).max() / max(size, np.finfo(float).tiny))
 
+    def fluxes(self, frame: int = -1):
+        """The explicit fluxes of one recorded time at x + Δx/2 (R 2.0.9a and its counterpart of the regularisation).
+
+        Returns
+        -------
+        f (n,), g (n,) : f_{i+½} = Δx Σ_m φ_a(mΔx) Σ F(u_k, u_{k+m}) over the pairs that straddle the face, and g alike
+            with −ε φ_s (u_{k+m} − u_k): u_t = −[(f + g)_{i+½} − (f + g)_{i−½}]/Δx exactly as the run has it.
+        """
+        u, kernel, dx = self.u_tn[frame], self.kernel, self.kernel.spacing
+        n, f, g = len(u), np.zeros(len(u)), np.zeros(len(u))
+        nodes, weights = np.polynomial.legendre.leggauss(1 if self.two_point == "midpoint" else 8)
+        for m, (a, s) in enumerate(zip(kernel.odd_m, kernel.even_m), 1):
+            step = np.roll(u, -m) - u
+            pair = sum(0.5 * w * self.psi(u + 0.5 * (q + 1) * step) for q, w in zip(nodes, weights))
+            for total, part in ((f, a * pair), (g, -self.viscosity * s * step)):
+                # Σ over k = i − m + 1 … i, around the period.
+                running = np.cumsum(np.concatenate([[0.0], part[n - m + 1 :], part]))
+                total += running[m : m + n] - running[:n]
+        return dx * f, dx * g
+
     def shocks(self, frame: int = -1) -> list[dict]:
         """Shocks of one recorded time: see `find_shocks`."""
         return find_shocks(self.x_n, self.u_tn[frame], self.psi)
 
-    def dataset(self):
-        """As an `xarray.Dataset` with dims time, x."""
+    def dataset(self, fluxes: bool = False):
+        """As an `xarray.Dataset` with dims time, x; with `fluxes` those of `fluxes` too, on x_face = x + Δx/2."""
         import xarray as xr
 
         from .. import __version__
@@ -195,8 +241,22 @@ class AdvectionRun:
             "stopped": self.stopped,
             "atc_version": __version__,
         }
+        explicit, faces = {}, {}
+        if fluxes:
+            both = np.array([self.fluxes(k) for k in range(len(self.t_t))])
+            faces = {"x_face": ("x_face", self.x_n + 0.5 * self.kernel.spacing)}
+            explicit = {
+                "advective_flux": (("time", "x_face"), both[:, 0], {"long_name": "nonlocal flux of advection"}),
+                "regularising_flux": (("time", "x_face"), both[:, 1], {"long_name": "flux of the regularisation"}),
+            }
+        if not self.kernel.smoothed_alike:
+            own, reach = self.kernel.smoothing_shape, self.kernel.smoothing_horizon
+            own = self.kernel.shape if own is None else own
+            attrs["smoothing_kernel"] = own if isinstance(own, str) else getattr(own, "__name__", "function")
+            attrs["smoothing_horizon"] = self.kernel.horizon if reach is None else reach
         return xr.Dataset(
             {
+                **explicit,
                 "u": (("time", "x"), self.u_tn, {"long_name": "solution"}),
                 "mass": ("time", self.mass_t, {"long_name": "integral of u"}),
                 "energy": ("time", self.energy_t, {"long_name": "integral of u^2/2"}),
@@ -216,7 +276,7 @@ class AdvectionRun:
                 "shock_width": ("time", shock["width"], {"long_name": "jump over steepest slope"}),
                 "shock_speed": ("time", shock["speed"], {"long_name": "Rankine-Hugoniot speed of its two states"}),
             },
-            {"time": ("time", self.t_t), "x": ("x", self.x_n)},
+            {"time": ("time", self.t_t), "x": ("x", self.x_n), **faces},
             attrs,
         )
 

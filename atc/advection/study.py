@@ -65,6 +65,10 @@ def kernel_shape(text: str):
     return shape
 
 
+def _smoothing(kernel, horizon):
+    return None if kernel is None else kernel_shape(kernel), horizon
+
+
 def run_study(
     *,
     initial="sin(2*pi*x)",
@@ -80,8 +84,12 @@ def run_study(
     method="auto",
     safety=0.5,
     reference=True,
+    smoothing_kernel=None,
+    smoothing_horizon=None,
+    fluxes=False,
 ) -> Study:
-    """One run; for Burgers' flux with the local solution beside it (variable ``local``)."""
+    """One run; for Burgers' flux with the local solution beside it (variable ``local``). `smoothing_kernel` and
+    `smoothing_horizon`: φ_s's own profile and reach; `fluxes`: the explicit fluxes too."""
     u0, psi, x, dx = _problem(initial, length, nodes, flux, safety)
     if frames < 2:
         raise AtcError(f"--frames {frames}: expected 2 or more")
@@ -92,7 +100,7 @@ def run_study(
         )
     run = advect(
         u0(x),
-        Kernel(kernel_shape(kernel), horizon, dx),
+        Kernel(kernel_shape(kernel), horizon, dx, *_smoothing(smoothing_kernel, smoothing_horizon)),
         duration=duration,
         viscosity=viscosity,
         psi=psi,
@@ -101,7 +109,7 @@ def run_study(
         method=method,
         safety=safety,
     )
-    ds = run.dataset()
+    ds = run.dataset(fluxes)
     ds.attrs |= {"initial": initial, "flux": flux, "kernel": kernel}
     lines = [
         f"{run.steps} steps of {run.dt_range[0]:.3g} to {run.dt_range[1]:.3g} by {run.method}, kernel {kernel} over "
@@ -164,6 +172,7 @@ def convergence_study(
     duration=0.3,
     method="auto",
     safety=0.5,
+    smoothing_kernel=None,
 ) -> Study:
     """The same problem with several horizons against Cole–Hopf: errors and the observed order."""
     import xarray as xr
@@ -184,7 +193,7 @@ def convergence_study(
     for h in horizons:
         run = advect(
             u0(x),
-            Kernel(kernel_shape(kernel), float(h), dx),
+            Kernel(kernel_shape(kernel), float(h), dx, *_smoothing(smoothing_kernel, None)),
             duration=duration,
             viscosity=viscosity,
             psi=psi,

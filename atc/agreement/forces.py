@@ -129,7 +129,8 @@ def compare_forces(
 
     frame.require("forces", why="a comparison with the run's forces")
     n = len(frame)
-    outside = () if pot.acting is not None and pot.acting.known else tuple(pot.outside)
+    told = pot.acting is not None and pot.acting.told(pot.complete(frame))
+    outside = () if told else tuple(pot.outside)
     sizes = [0.0] * threads
     whole, pot = pot, pot.as_in_file(frame)
 
@@ -138,7 +139,7 @@ def compare_forces(
 
     def with_outside(decomposition, at):
         """The forces that the laws of the script add are those of the run, too."""
-        if pot.acting is not None and pot.acting.known and pot.acting.laws:
+        if told and pot.acting.laws:
             decomposition.forces_nc = decomposition.forces_nc + pot.acting.of(pot.complete(at), decomposition.forces_nc)
         return decomposition
 

@@ -18,6 +18,7 @@ import numpy as np
 from ..decomposers.coulomb_long import CoulombLong
 from ..decomposers.long_range.kspace import coulomb_of
 from ..decomposers.pair import Pairs
+from ..decomposers.virtual_sites import only_atoms
 
 #: Largest error of Abramowitz & Stegun's polynomial.
 POLYNOMIAL = 1.5e-7
@@ -65,7 +66,7 @@ class _Bare(CoulombLong):
 
     def __init__(self, style: CoulombLong):
         self.on, self.split, self.reach, self.table = style.on, style.split, style.reach, style.table
-        self.own_special = style.own_special
+        self.own_special, self.water = style.own_special, style.water
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
         near = d2 < self.table[types[i], types[j], 0]
@@ -84,18 +85,20 @@ def coulomb_doubt(frame, pot, threads: int = 1) -> CoulombDoubt | None:
     """
     runs = [t.run for t in pot.fields if t.run is not None]
     terms = [t for t in pot.terms if isinstance(t, Pairs) and coulomb_of([t])]
-    n = len(frame)
-    if not runs or not terms or not n:
+    if not runs or not terms or not len(frame):
         return None
+    frame = pot.carriers(frame)
+    n = len(frame)
     near = copy(pot)
     near.constraints = None
     near.terms = [
-        Pairs(
+        type(t)(
             [_Bare(s) for s in coulomb_of([t])],
             t.n_types,
             t.special,
             t.grow and (lambda top, grow=t.grow: [_Bare(s) for s in grow(top) if isinstance(s, CoulombLong)]),
             t.exclusions,
+            t.kinds,
         )
         for t in terms
     ]
@@ -121,7 +124,9 @@ def coulomb_doubt(frame, pot, threads: int = 1) -> CoulombDoubt | None:
     virial = np.zeros((3, 3))
     virial[np.triu_indices(3)] = of[1:]
     asked = float(sum(r.force for r in runs))
-    force, far = np.hypot(asked, relative * np.sqrt(sum(squares))), n * cutoff * asked
+    # What is on a virtual site its parents have, as if it came from one pair.
+    near_n = only_atoms(frame, np.sqrt(sum(squares)))
+    force, far = np.hypot(asked, relative * near_n), len(near_n) * cutoff * asked
     unit = pot.units.coulomb * pot.units.charge**2 / pot.units.length**2
     falls = max(log(unit / asked), 1.0) if asked > 0 else 1.0
     return CoulombDoubt(

@@ -101,6 +101,25 @@ class FieldAccessor(_Scalars):
     def __init__(self, da):
         self._da = da
 
+    def plot(self, **options):
+        """xarray's own picture, with the field's symbol on its axis or colour bar: ``ds.stress.sel(i="x",
+        j="y").atc.plot()`` says σ_xy, where xarray alone can only name the field. options : those of `DataArray.plot`
+        """
+        from ..pictures.geometry import unit_text
+        from ..pictures.symbols import label
+
+        da = self._da
+        comp = "".join(str(da.coords[d].values) for d in ("i", "j") if d in da.coords and da.coords[d].ndim == 0)
+        axes = () if set(comp) <= set("xyz") else tuple(dict.fromkeys(comp))
+        if axes:  # r, phi, z: along other axes
+            where = {a: "xyz"[k] for k, a in enumerate(axes)}
+            comp = "".join(where[str(da.coords[d].values)] for d in ("i", "j") if d in da.coords)
+        named = da.copy(deep=False)
+        named.attrs = {**da.attrs, "long_name": label(str(da.name), comp or None, "", axes)}
+        if "units" in da.attrs:
+            named.attrs["units"] = unit_text(str(da.attrs["units"]))
+        return named.plot(**options)
+
     def _field(self, quantity=None):
         if quantity is not None:
             raise AtcError(f"{self._da.name or 'this array'} is one field: name a quantity at the dataset only")
@@ -132,6 +151,31 @@ class DatasetAccessor(_Scalars):
         from ..unit_words import in_units
 
         return in_units(self._ds, units)
+
+    def quantify(self, registry=None):
+        """The dataset with pint's units (by pint-xarray): reduced units (lj) are dimensionless, ASE's time is
+        Å √(amu/eV).
+
+        Parameters
+        ----------
+        registry : pint.UnitRegistry, default pint-xarray's own
+
+        Raises
+        ------
+        AtcError where pint-xarray is not installed.
+        """
+        try:
+            import pint_xarray
+        except ImportError:
+            raise AtcError("quantities with units need pint-xarray: pip install pint-xarray") from None
+        ds, given = self._ds, {}
+        reduced = ds.attrs.get("units") == "lj"
+        for name, v in ds.variables.items():
+            text = v.attrs.get("units")
+            if text is None or (name in ds.coords and name in ds.dims):
+                continue
+            given[name] = "dimensionless" if reduced else str(text).replace("t_ase", "(angstrom*(amu/eV)**0.5)")
+        return ds.pint.quantify(given, unit_registry=registry or pint_xarray.unit_registry)
 
     def plot(self, quantity: str | None = None, **options):
         """A picture (matplotlib.figure.Figure), as `atc plot` draws it; see `atc.pictures.plotting.plot`."""

@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..estimators.planes import through_planes
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 #: A rung that took less than this, CPU and wall seconds together, is run once more, and the better time counts: the
@@ -148,6 +149,8 @@ def field_of(job, field=None) -> str:
     """The field that is measured: the one asked for, else stress_potential if anything is a sum over bonds, else the
     first one on the grid."""
     on_grid = [q for q in job.work.quantities if q.kind == "grid"]
+    if through_planes(job.request.grid):
+        raise AtcError("atc bench measures sums with a kernel: what crosses planes is counted, in one way only")
     if not on_grid or job.request.kern is None or job.request.grid is None:
         raise AtcError(
             "atc bench measures fields on a grid: the scene asks for none (quantities), or has no kernel or grid"

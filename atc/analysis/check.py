@@ -91,6 +91,7 @@ def check(
         pot, free = pot.settled(frame), pot.constrained(None)
     if not len(frame):
         raise AtcError(f"{frame.source}: holds no atoms: there is nothing to check")
+    frame = pot.carriers(frame)  # with virtual sites, which have energies
     kern_in = kernel_internal(kern, frame.units)
     if pot.fields and not kern_in.analytic:
         raise AtcError(
@@ -164,10 +165,18 @@ def check(
             apart=apart,
             jumps=found,
             churns=churns,
-            forces_nc=state.forces_nc,
+            forces_nc=_as_in_file(frame, pot, state, threads),
             notes=notes,
         )
     )
+
+
+def _as_in_file(frame, pot, state, threads):
+    """The forces that the file of the run has: without those of constraints where they are known not to be in it."""
+    there = pot.as_in_file(frame)
+    if there.constraints is pot.constraints or there.constraints is not None:
+        return state.forces_nc
+    return there.stream(frame, forces=True, threads=threads).forces_nc
 
 
 def _motion(frame, pot, threads, deposit):
@@ -202,7 +211,7 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     near = {0: frame}
     for m in (1, 2, 4):
         if k - m >= 0 and k + m < len(traj):
-            near[m], near[-m] = traj[k + m], traj[k - m]
+            near[m], near[-m] = pot.carriers(traj[k + m]), pot.carriers(traj[k - m])
     times = {m: _time(f, timestep, u) for m, f in near.items()}
     if any(t is None for t in times.values()):
         return None, (
@@ -237,7 +246,9 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     state = exact.state
     m_n = frame.masses
     heat = float(m_n @ (state.v_nc**2).sum(1))
-    frequency = np.sqrt(float(((state.forces_nc**2).sum(1) / m_n).sum()) / heat) if heat > 0 else 0.0
+    heavy = m_n > 0.0  # virtual sites are not
+    pull = float(((state.forces_nc[heavy] ** 2).sum(1) / m_n[heavy]).sum())
+    frequency = np.sqrt(pull / heat) if heat > 0 else 0.0
     if frequency * dt > CLOSE:
         good, here = (number(u.to_user("time", t)) for t in (0.1 / frequency, dt))
         return (

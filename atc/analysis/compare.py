@@ -466,7 +466,7 @@ def _profiles(out, hardy, virial, place, scale, column=None):
     """Means over the other axes, empty space counted as empty, so that a profile times the area is a force."""
     from ..pictures.components import component
 
-    if place.kind not in ("volume", "plane", "line", "slab"):
+    if place.kind not in ("volume", "plane", "line", "slab", "planes"):
         return
     for k, dim in enumerate(place.dims):
         if hardy.shape[k] < 2:

@@ -75,11 +75,11 @@ def figure_of(fig, words: str) -> str:
     """A figure with its caption, as an image within the page."""
     import matplotlib as mpl
 
-    from ..pictures.drawing import STYLE
+    from ..pictures.drawing import STYLE, fitted
 
     with mpl.rc_context(STYLE):
         held = io.BytesIO()
-        fig.savefig(held, format="png", dpi=110, metadata={"Software": None})
+        fitted(fig).savefig(held, format="png", dpi=110, metadata={"Software": None})
     data = base64.b64encode(held.getvalue()).decode()
     half = ' class="half"' if fig.get_size_inches()[0] < 5.5 else ""
     return (

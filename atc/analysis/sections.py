@@ -1,9 +1,9 @@
 """Forces through cross-sections: what a wire, a plate or a film carries.
 
-F_j = ∫ σ_ij dA_i over the plane through each point of a grid along its normal i: of a slab profile the average times
-the area of the cell, of a regular grid the sum over the points of a layer times the area of each (quadrature: it
-converges as the grid resolves the kernel). A grid that ends at open faces lacks what the kernel carries beyond them:
-padding.
+F_j = ∫ σ_ij dA_i over the plane through each point of a grid along its normal i: of a slab profile, and of planes, the
+average times the area of the cell, of a regular grid the sum over the points of a layer times the area of each
+(quadrature: it converges as the grid resolves the kernel). A grid that ends at open faces lacks what the kernel carries
+beyond them: padding.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ def section_force(ds, axis=None, quantity=None):
 
     Parameters
     ----------
-    ds : output of `atc.fields` on a slab profile, or a regular grid whose edges run along x, y and z
+    ds : output of `atc.fields` on a slab profile, on planes, or a regular grid whose edges run along x, y and z
     axis : "x", "y" or "z", the normal of the sections; default that of the profile
     quantity : which stress; default ``stress``, else ``stress_potential``
 
@@ -41,13 +41,16 @@ def section_force(ds, axis=None, quantity=None):
     dims = grid_dims(da.isel(species=0, drop=True) if "species" in da.dims else da)
     one = ds.isel(species=0, drop=True) if "species" in ds.dims else ds
     place = points_of_grid(one, one[name])
-    if place.kind not in ("slab", "volume") or any(d not in "xyz" for d in dims):
-        raise AtcError(f"section force: of a slab profile or a regular grid along x, y, z; this is a {place.kind}")
-    axis = axis or (dims[0] if place.kind == "slab" else None)
+    if place.kind not in ("slab", "planes", "volume") or any(d not in "xyz" for d in dims):
+        raise AtcError(
+            f"section force: of a slab profile, planes, or a regular grid along x, y, z; this is a {place.kind}"
+        )
+    whole = place.kind in ("slab", "planes")
+    axis = axis or (dims[0] if whole else None)
     if axis not in dims:
         raise AtcError(f"section force: axis {axis!r}: expected {' or '.join(dims)}")
     k = "xyz".index(axis)
-    if place.kind == "slab":
+    if whole:
         cells = ds["cell"].values.reshape(-1, 3, 3)
         if any(np.abs(c[m, k]) > 1e-9 * np.abs(c).max() for c in cells for m in range(3) if m != k):
             raise AtcError("section force: the cell is tilted: its faces are not normal to the axis")

@@ -115,22 +115,35 @@ class SpeciesSums:
         one_ns = (frame.types[:, None] == self.kinds).astype(float)
         a_nk = [one_ns]
         if self.charged:
-            a_nk.append(frame.charges[:, None])
+            a_nk.append(np.zeros((len(frame), 1)))
         if self.moving:
             frame.require("velocities", why="profiles of velocity")
             a_nk.append((one_ns[:, :, None] * frame.velocities[:, None, :]).reshape(len(frame), -1))
-        sums_zk = self._sum(bound, frame.positions, np.concatenate(a_nk, axis=1))
+        a_nk, carriers = np.concatenate(a_nk, axis=1), self._carriers(frame)
+        if len(carriers) > len(frame):
+            a_nk = carriers.padded(a_nk)
+        if self.charged:
+            a_nk[:, len(self.kinds)] = carriers.charges
+        sums_zk = self._sum(bound, carriers.positions, a_nk)
         polar_zk = None
         if self.polar:
             if labels_of(frame) is None:
                 raise AtcError(f"{frame.source}: does not say which atoms are molecules, as the first frame does")
             frame.require("masses", why="dipoles of molecules")
-            x_mc, along, cosine, long = dipoles_of(frame, bound.axis)
+            x_mc, along, cosine, long = dipoles_of(carriers, bound.axis)
             self.too_long += long
             a_mk = np.stack([np.ones(len(along)), along, cosine, 1.5 * cosine**2 - 0.5], axis=1)
             polar_zk = self._sum(bound, x_mc, a_mk)
         self.periodic = bool(bound.cell.periodic[bound.axis])
         self.found[k] = sums_zk, polar_zk, bound.cell.heights[bound.axis]
+
+    def _carriers(self, frame):
+        """What the charges sit on: the atoms, and virtual sites if the potential has any, each in its molecule."""
+        carriers = frame if self.pot is None else self.pot.carriers(frame)
+        labels = labels_of(frame) if len(carriers) > len(frame) else None
+        if labels is None:
+            return carriers
+        return carriers.replace(molecules=np.concatenate([labels, labels[carriers.places.host_s]]))
 
     def _sum(self, bound, x_nc, a_nk):
         from ..deposit import make

@@ -3,7 +3,7 @@ mesh."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +13,15 @@ from ..errors import AtcError
 
 @dataclass
 class Nodes:
-    """x_nc (n, 3), volume_n, density_n, material_n (n,); cell or None. Numbers as in the file."""
+    """x_nc (n, 3), volume_n, density_n, material_n (n,); cell or None; sets, {name: (n,) bools} of a mesh. Numbers as
+    in the file."""
 
     x_nc: np.ndarray
     volume_n: np.ndarray
     density_n: np.ndarray
     material_n: np.ndarray
     cell: object = None
+    sets: dict = field(default_factory=dict)
 
 
 def read_nodes(path, settings, bad) -> Nodes:
@@ -66,6 +68,7 @@ def read_nodes(path, settings, bad) -> Nodes:
         columns["density"],
         np.ones(n, int) if material is None else np.asarray(material).astype(int),
         columns.get("cell"),
+        columns.get("sets", {}),
     )
 
 
@@ -169,7 +172,7 @@ def _mesh(path, dimension, thickness):
         ) from None
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
-    centres, volumes, parts = [], [], []
+    centres, volumes, parts, kept = [], [], [], []
     for k, block in enumerate(mesh.cells):
         name = next((n for n in _SIMPLICES if block.type == n or block.type.rstrip("0123456789") == n), None)
         if name is None or _DIMENSION[name] != dimension:
@@ -184,6 +187,7 @@ def _mesh(path, dimension, thickness):
         centres.append(moment / total[:, None])
         volumes.append(total)
         parts.append(k)
+        kept.append(block.data[:, : 1 + max(max(s) for s in _SIMPLICES[name])])
     if not centres:
         raise AtcError(
             f"{path}: has no cells of dimension {dimension}: found "
@@ -193,8 +197,53 @@ def _mesh(path, dimension, thickness):
     for name in ("density", "material"):
         if name in mesh.cell_data:
             out[name] = np.concatenate([np.asarray(mesh.cell_data[name][k], float).reshape(-1) for k in parts])
+    out["sets"] = _sets(mesh, parts, kept)
     if not (out["volume"] > 0).all():
         raise AtcError(f"{path}: cell {int(np.flatnonzero(~(out['volume'] > 0))[0])} has no volume")
+    return out
+
+
+def _sets(mesh, parts, kept) -> dict:
+    """{name: (n,) bools over the body's cells} of a mesh's sets: Abaqus's ELSET and NSET, gmsh's physical groups,
+    Exodus's node sets.
+
+    A set of cells of the body holds them; one of faces or edges, the cells that have one of these whole; one of points,
+    the cells with a corner among them. parts, kept : the body's blocks of cells, and their corners.
+    """
+    from scipy.sparse import csr_matrix
+
+    counts = np.concatenate([np.full(len(c), c.shape[1]) for c in kept])
+    which = np.repeat(np.arange(len(counts)), counts)
+    points = np.concatenate([c.reshape(-1) for c in kept])
+    touch = csr_matrix((np.ones(len(points)), (which, points)), shape=(len(counts), len(mesh.points)))
+    start = dict(zip(parts, np.concatenate([[0], np.cumsum([len(c) for c in kept])]).tolist()))
+    members: dict = {name: list(of) for name, of in mesh.cell_sets.items() if not name.startswith("gmsh:")}
+    physical = mesh.cell_data.get("gmsh:physical")
+    for name, (number, _) in mesh.field_data.items() if physical is not None else ():
+        members[name] = [np.flatnonzero(np.asarray(block).reshape(-1) == number) for block in physical]
+    out = {}
+    for name, of in members.items():
+        inside = np.zeros(len(counts), bool)
+        for k, cells in enumerate(of):
+            if cells is None or not len(cells):
+                continue
+            cells = np.asarray(cells, int)
+            if k in start:
+                inside[start[k] + cells] = True
+                continue
+            plain = mesh.cells[k].type.rstrip("0123456789")
+            n = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}.get(plain)
+            if n is not None:
+                facet = mesh.cells[k].data[cells, :n]
+                rows = np.repeat(np.arange(len(facet)), n)
+                whole = csr_matrix((np.ones(facet.size), (rows, facet.reshape(-1))), (len(facet), len(mesh.points)))
+                inside[(touch @ whole.T >= n).nonzero()[0]] = True
+        out[name] = inside
+    for name, nodes in mesh.point_sets.items():
+        chosen = np.zeros(len(mesh.points))
+        chosen[np.asarray(nodes, int)] = 1.0
+        inside = touch @ chosen > 0
+        out[name] = out[name] | inside if name in out else inside
     return out
 
 

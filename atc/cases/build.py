@@ -76,6 +76,16 @@ def simulation(case, threads: int = 0, state=None):
     options = {}
     if "strain" in case.data["body"]:
         options["strain"] = case.data["body"]["strain"]
+    if "temperature" in case.data["body"]:
+        rise = case.data["body"]["temperature"]
+        if isinstance(rise, str):
+            from ..config.formula import Formula
+
+            formula = Formula(rise, ("x", "y", "z"))
+            complain = lambda why: case.bad(("body", "temperature"), why)  # noqa: E731
+            place = dict(zip("xyz", body.X_nc.T, strict=True))
+            rise = np.broadcast_to(formula.finite(complain, **place), (len(body),))
+        options["temperature"] = rise
     if state is None:
         start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
         for k, t in enumerate(case.data.get("initial", [])):
@@ -151,6 +161,7 @@ def make_body(case):
             from .bodies import read_nodes
 
             nodes = read_nodes(case.path("body", "file"), b, lambda why: case.bad(("body", "file"), why))
+            case.sets = nodes.sets
             if cell is None and nodes.cell is not None:
                 options["cell"] = nodes.cell
             more = {} if "spacing" not in b else {"spacing": b["spacing"]}
@@ -196,6 +207,14 @@ def region_of(case, region):
         return reduce(lambda a, b: a & b, (region_of(case, r) for r in region["all"]))
     if "not" in region:
         return ~region_of(case, region["not"])
+    if region["shape"] == "set":
+        sets = case.sets
+        if region["name"] not in sets:
+            raise AtcError(
+                f"{case.name}: there is no set {region['name']!r}: expected a set of the mesh in [body] file; known: "
+                f"{', '.join(sets) or 'none'}"
+            )
+        return pd.Nodes(sets[region["name"]])
     if region["shape"] == "box":
         return pd.Box(region["lo"], region["hi"])
     if region["shape"] == "sphere":

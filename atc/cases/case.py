@@ -34,6 +34,7 @@ class Case(Document):
     data : {section: {key: value}}, and lists of such tables for the sections that may be repeated
     folder : where relative paths start
     name : what to call the case in messages
+    sets : {name: (n,) bools} of the mesh that its body was made from
     """
 
     data: dict[str, Any]
@@ -41,6 +42,7 @@ class Case(Document):
     name: str = field(default="case", compare=False)
     _lines: dict = field(default_factory=dict, repr=False, compare=False)
     _flags: dict = field(default_factory=dict, repr=False, compare=False)
+    sets: dict = field(default_factory=dict, repr=False, compare=False)
 
     # ---- making one
 
@@ -309,6 +311,8 @@ class Case(Document):
             if isinstance(region, dict) and word in region:
                 for r in region[word] if word != "not" else [region[word]]:
                     self._check_region(r, path, inside)
+        if isinstance(region, dict) and region.get("shape") == "set" and "file" not in self.data["body"]:
+            raise self.bad(path, f"the set {region['name']!r} is one of a mesh: give [body] file, or another shape")
         if (
             isinstance(region, dict)
             and region.get("shape") == "box"

@@ -70,13 +70,14 @@ class CaseFields:
             if scene.get("fields", k) is not None
         }
         try:
+            if scene.get("grid", "interval") == "frames":
+                raise AtcError('interval = "frames": the moments of a case are computed one by one: give a time')
             request = Request(
                 [frame] * entries,
                 bonds,
                 scene.kernel(),
                 scene.grid(),
                 reference=reference_frame(sim),
-                velocity="local",
                 threads=self.threads or cpus(),
                 scene=self.case.to_toml(),
                 **given,

@@ -24,7 +24,12 @@ from ..config.schema import (
     json_of,
 )
 
-SHAPES = {"box": ("lo", "hi"), "cylinder": ("axis", "center", "radius", "lo", "hi"), "sphere": ("center", "radius")}
+SHAPES = {
+    "box": ("lo", "hi"),
+    "cylinder": ("axis", "center", "radius", "lo", "hi"),
+    "sphere": ("center", "radius"),
+    "set": ("name",),
+}
 
 
 def _bound(v):
@@ -100,6 +105,19 @@ def _history(variables, free=False):
     return described(checked, {"anyOf": [three(part), *([_json_table(three(single))] if tables else [])]})
 
 
+def _rise(v):
+    """A number or a formula of x, y, z."""
+    if isinstance(v, str):
+        from ..config.formula import Formula
+
+        Formula(v, ("x", "y", "z"))
+        return v
+    return _number(v)
+
+
+described(_rise, {"type": ["number", "string"]})
+
+
 def _region(v):
     """A region's name, or its description."""
     if isinstance(v, str):
@@ -130,7 +148,9 @@ def _shape_or_combination(v):
             raise ValueError(
                 f"a {shape} needs {', '.join(k for k in SHAPES[shape] if shape != 'cylinder' or k not in ('lo', 'hi'))}"
             )
-        if key == "radius":
+        if key == "name":
+            out[key] = _string(v[key])
+        elif key == "radius":
             out[key] = _positive(v[key])
         elif key == "axis":
             out[key] = _choice(["x", "y", "z"])(v[key])
@@ -167,6 +187,7 @@ REGION_JSON = {
                     "axis": {"enum": ["x", "y", "z"]},
                     "center": {"type": "array", "items": {"type": "number"}},
                     "radius": {"type": "number", "exclusiveMinimum": 0},
+                    "name": {"type": "string", "pattern": r"\S"},
                 },
                 "required": ["shape", *(k for k in keys if shape != "cylinder" or k not in ("lo", "hi"))],
                 "propertyNames": {"enum": ["shape", *keys]},
@@ -232,6 +253,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "cell": Key(_list_of(_either(_positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
         "origin": _POINT,
         "strain": Key(_list_of(_V3, 3), "the displacement gradient of a periodic cell, three rows of three numbers"),
+        "temperature": Key(_rise, "how far it has risen, a number or a formula of x, y, z, e.g. '100*x/0.01'"),
         "periodic": Key(_list_of(_boolean, 3), "three of true and false, e.g. [true, true, false]"),
     },
     "regions": {},

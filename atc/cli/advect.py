@@ -48,6 +48,21 @@ def advect(
             help="Reach of the kernel; three standard deviations of gaussian, which reaches 3 D.",
         ),
     ] = 0.02,
+    smoothing_kernel: Annotated[
+        str | None,
+        typer.Option(
+            "--smoothing-kernel",
+            metavar="NAME|FORMULA|FILE",
+            help="Profile of the regularisation's kernel, as --kernel; by default the same.",
+            show_default=False,
+        ),
+    ] = None,
+    smoothing_horizon: Annotated[
+        float | None,
+        typer.Option(
+            "--smoothing-horizon", metavar="D", help="Its reach; by default that of --horizon.", show_default=False
+        ),
+    ] = None,
     viscosity: Annotated[
         float, typer.Option("--viscosity", metavar="EPS", help="Strength of the regularisation; 0 is inviscid.")
     ] = 0.01,
@@ -74,6 +89,9 @@ def advect(
             show_default=False,
         ),
     ] = None,
+    fluxes: Annotated[
+        bool, typer.Option("--fluxes", help="Write the explicit nonlocal fluxes too, between the nodes.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")] = False,
 ) -> None:
     """Nonlocal advection in one dimension: Burgers or another flux, shocks, mass and entropy ledgers, against the local
@@ -94,15 +112,26 @@ def advect(
         "duration": duration,
         "method": method,
         "safety": safety,
+        "smoothing_kernel": smoothing_kernel,
     }
     if horizons is not None:
+        if smoothing_horizon is not None or fluxes:
+            what = "--smoothing-horizon" if smoothing_horizon is not None else "--fluxes"
+            raise AtcError(f"{what}: is of one run; leave it out, or leave out --horizons")
         try:
             values = [float(h) for h in horizons.split(",")]
         except ValueError:
             raise AtcError(f"--horizons {horizons}: expected lengths, e.g. --horizons 0.08,0.04,0.02") from None
         study = convergence_study(horizons=values, **common)
     else:
-        study = run_study(horizon=horizon, frames=frames, reference=reference, **common)
+        study = run_study(
+            horizon=horizon,
+            frames=frames,
+            reference=reference,
+            smoothing_horizon=smoothing_horizon,
+            fluxes=fluxes,
+            **common,
+        )
     write_dataset(study.dataset, output)
     drawn = picture(study, output.with_suffix(".png"))
     if not quiet:

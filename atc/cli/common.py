@@ -97,7 +97,8 @@ Select = Annotated[
     typer.Option(
         "--select",
         metavar="WORDS",
-        help='Only of some atoms, in words of MDAnalysis, e.g. "type 1 2"; more ways: [select] in the scene.',
+        help='Only of some atoms, in words of MDAnalysis, e.g. "type 1 2", or "group:wall", a group of the script; '
+        "more ways: [select] in the scene.",
         show_default=False,
     ),
 ]

@@ -39,12 +39,21 @@ def register(app: typer.Typer) -> None:
             Path | None,
             typer.Option("--picture", metavar="FILE", help="Draw everything in one picture.", show_default=False),
         ] = None,
+        phonopy: Annotated[
+            Path | None,
+            typer.Option(
+                "--phonopy",
+                metavar="FOLDER",
+                help="Write phonopy.yaml, FORCE_CONSTANTS and band.yaml there, for phonopy and Euphonic.",
+                show_default=False,
+            ),
+        ] = None,
         json: Json = False,
         overwrite: Overwrite = False,
         quiet: Quiet = False,
     ) -> None:
         """Phonon dispersion of a crystal: lattice, phonopy, peridynamic models and a trajectory side by side, with
-        elastic constants.
+        elastic constants, linewidths and structure factors.
 
         Needs [dispersion] and [potential], [trajectory] or both.
         """
@@ -65,4 +74,7 @@ def register(app: typer.Typer) -> None:
             print(result.json())
         elif not quiet:
             result.print(console())
+        written = result.write_phonopy(phonopy) if phonopy is not None else []
         write_result(result, out, picture, tell=not (json or quiet))
+        if written and not (json or quiet):
+            console().print(f"phonopy: {', '.join(map(str, written))}", soft_wrap=True)

@@ -57,9 +57,17 @@ def plot(
     frame: Annotated[
         str,
         typer.Option(
-            "--frame", metavar="N|mean", help="Frame counted from 0 (-1 is the last), or the mean over frames."
+            "--frame",
+            metavar="N|mean|all",
+            help="Frame counted from 0 (-1 is the last), the mean over frames, or all: a profile against time.",
         ),
     ] = "-1",
+    mean: Annotated[
+        str | None,
+        typer.Option(
+            "--mean", metavar="AXES", help="Take means over these axes of the grid, e.g. y or x,y.", show_default=False
+        ),
+    ] = None,
     limits: Annotated[
         str | None, typer.Option("--limits", metavar="LO,HI", help="Limits of the colour scale.", show_default=False)
     ] = None,
@@ -96,6 +104,16 @@ def plot(
             show_default=False,
         ),
     ] = None,
+    movie: Annotated[
+        Path | None,
+        typer.Option(
+            "--movie",
+            metavar="FILE",
+            help="All frames instead of one, with one scale: .gif or .mp4 (which needs ffmpeg).",
+            show_default=False,
+        ),
+    ] = None,
+    rate: Annotated[float, typer.Option("--rate", metavar="N", help="Frames a second of the movie.")] = 5.0,
     overlay: Annotated[
         Path | None,
         typer.Option(
@@ -113,24 +131,27 @@ def plot(
     from ..config.scene import Scene
     from ..pictures import plotting
 
-    path = plotting.plot_file(
-        out,
-        quantity,
-        component=component,
-        slice=slice,
-        axis=axis,
-        index=index,
-        frame=frame,
-        limits=_parse_limits(limits),
-        robust=robust,
-        output=output,
-        species=species,
-        units=units,
-        arrows=arrows,
-        streamlines=streamlines,
-        principal=principal,
-        overlay=None if overlay is None else Scene.load(overlay).trajectory(),
-    )
+    options = {
+        "component": component,
+        "slice": slice,
+        "axis": axis,
+        "index": index,
+        "mean": mean,
+        "limits": _parse_limits(limits),
+        "robust": robust,
+        "species": species,
+        "units": units,
+        "arrows": arrows,
+        "streamlines": streamlines,
+        "principal": principal,
+        "overlay": None if overlay is None else Scene.load(overlay).trajectory(),
+    }
+    if movie is not None:
+        if output is not None:
+            raise AtcError("--output and --movie: a picture or a movie, not both")
+        path = plotting.movie_file(out, movie, quantity, rate=rate, **options)
+    else:
+        path = plotting.plot_file(out, quantity, frame=frame, output=output, **options)
     if not quiet:
         print(path)
 

@@ -97,7 +97,7 @@ class _Commands(TyperGroup):
                 ctx = getattr(e, "ctx", None)
                 hint = f" (see: {ctx.command_path} --help)" if ctx is not None else ""
                 _fail(e.format_message() + hint, 2)
-            if "Abort" in names:
+            if "Abort" in names or last() is not None:
                 _stopped()
             _fail_damaged()
             _fail(f"{type(e).__name__}: {e}: atc did not foresee this; run again with ATC_DEBUG=1 for the traceback", 1)

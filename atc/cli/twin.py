@@ -40,7 +40,7 @@ def register(app: typer.Typer) -> None:
         ] = None,
         movie: Annotated[
             Path | None,
-            typer.Option("--movie", metavar="FILE.gif", help="The same, frame by frame.", show_default=False),
+            typer.Option("--movie", metavar="FILE", help="The same, frame by frame: .gif or .mp4.", show_default=False),
         ] = None,
         report: Annotated[
             Path | None,
@@ -57,7 +57,7 @@ def register(app: typer.Typer) -> None:
         from ..analysis.page import page_path
         from ..analysis.page import report as write_page
         from ..pictures.drawing import picture_kind
-        from ..pictures.twins import movie_path
+        from ..pictures.movies import movie_path
         from ..twins.run import twin as twin_of
 
         made = load_scene(scene, set, begin, end, step)

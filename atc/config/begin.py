@@ -108,7 +108,7 @@ def scene_for(files, model, target, topology=None, units=None, masses=None) -> t
         '# by = "type"',
         "",
         "[output]",
-        f'file = "{_output_name(files[0])}"',
+        f'file = "{_output_name(files[0] if Path(target).stem == "scene" else target)}"',
         '# units = "GPa, nm"        # or "metal-gpa"' if not u.reduced else "# (lj units have no others)",
         "",
     ]

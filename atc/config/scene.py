@@ -32,6 +32,16 @@ LEARNED = {
     "metatomic": ("types", "stress", "reference", "device"),
     "kim": ("types",),
 }
+#: Systems of other codes, and what [potential] may tell of the run besides.
+_RUN = ("method", "cutoff", "switch", "switching", "chiral", "constraints", "rigid_water")
+SYSTEMS = {
+    "openmm": ("switching", "chiral"),
+    "prmtop": _RUN,
+    "psf": ("parameters", *_RUN),
+    "top": ("defines", "include", *_RUN),
+}
+#: Formats that hold coordinates and do not say whose.
+_BARE = {f".{w}" for w in "dcd xtc trr nc ncdf mdcrd crdbox trj tng inpcrd rst7 coor".split()}
 
 # --------------------------------------------------------------------------------------------------------------------
 
@@ -53,6 +63,8 @@ class Scene(Document):
     _lines: dict = field(default_factory=dict, repr=False, compare=False)
     _flags: dict = field(default_factory=dict, repr=False, compare=False)
     _text: str = field(default="", repr=False, compare=False)
+    #: (what it was made from, potential), the last one read
+    _made: tuple = field(default=(None, None), repr=False, compare=False)
 
     # ---- making one
 
@@ -175,24 +187,30 @@ class Scene(Document):
         if "potential" not in self.data:
             return
         table = self.data["potential"]
-        given = [k for k in ("lammps", "input", *LEARNED) if k in table]
+        given = [k for k in ("lammps", "input", *LEARNED, *SYSTEMS) if k in table]
         if not given:
             raise self.need(
                 "potential",
                 '[potential] needs lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file" (a LAMMPS input '
-                'script) or a learned model: nep = "nep.txt", mace = "my.model", nequip = "my.nequip.zip"',
+                'script) or a learned model: nep = "nep.txt", mace = "my.model", nequip = "my.nequip.zip", or a system '
+                'of another code: openmm = "system.xml", prmtop = "x.prmtop", psf = "x.psf", top = "topol.top"',
             )
         if len(given) > 1:
             raise self._bad(
                 "potential", given[1], f"give {' or '.join(given)}, not {'both' if len(given) == 2 else 'all'}"
             )
-        for key in {k: None for keys in LEARNED.values() for k in keys}:
-            if key in table and key not in LEARNED.get(given[0], ()):
+        makers = LEARNED | SYSTEMS
+        for key in {k: None for keys in makers.values() for k in keys}:
+            if key in table and key not in makers.get(given[0], ()):
                 why = ": LAMMPS lines name their elements themselves" if key == "types" else ""
-                of = [k for k, keys in LEARNED.items() if key in keys]
+                if key in _RUN and given[0] == "openmm":
+                    why = ": a System of OpenMM says it itself"
+                of = [k for k, keys in makers.items() if key in keys]
                 raise self._bad("potential", key, f"goes with {', '.join(of)}{why}")
         if "units" in table and given[0] in LEARNED:
             raise self._bad("potential", "units", "leave it out: learned models and those of KIM are in eV and Å")
+        if "units" in table and given[0] in SYSTEMS:
+            raise self._bad("potential", "units", "leave it out: the files of other codes say their units")
         if "run" in self.data["potential"] and given != ["input"]:
             raise self._bad("potential", "run", "goes with input, the script whose run it is")
 
@@ -227,13 +245,13 @@ class Scene(Document):
         quantities = self.get("fields", "quantities")
         if quantities is None:
             raise self.need("fields", 'it needs quantities, what to compute, e.g. quantities = ["stress", "density"]')
-        work = Work.of(quantities)
+        work = Work.of(quantities, kernel=self.get("grid", "kind") != "planes")
         if work.bond_users and "potential" not in self.data:
             raise self.need(
                 "potential",
                 f'{work.bond_users[0]} needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"',
             )
-        if work.kernel_users and "kernel" not in self.data:
+        if work.kernel_users and "kernel" not in self.data and not self.get("grid", "means"):
             raise self.need("kernel", f'{work.kernel_users[0]} needs one, e.g. name = "quartic" and radius = 8.0')
         if work.grid_users and "grid" not in self.data:
             raise self.need("grid", f'{work.grid_users[0]} needs one, e.g. kind = "regular" and spacing = 2.0')
@@ -306,6 +324,8 @@ class Scene(Document):
             except AtcError as e:
                 raise self._bad("trajectory", key, str(e)) from None
         topology = self.path("trajectory", "topology")
+        if topology is None:
+            topology = self._topology_of_system(path)
         if topology is not None and not topology.exists():
             raise self._bad("trajectory", "topology", f"there is no file {topology}")
         try:
@@ -315,6 +335,12 @@ class Scene(Document):
             if topology is not None and str(topology) in str(e):
                 key = "topology"
             raise AtcError(str(e) if named else f"{self.where('trajectory', key)}: {e}") from None
+
+    def _topology_of_system(self, path):
+        """The file of [potential] that says whose coordinates these are, where the trajectory does not."""
+        if all(Path(one).suffix.lower() in _BARE for one in self._listed(path)):
+            return next((p for k in ("prmtop", "psf") if (p := self.path("potential", k)) is not None), None)
+        return None
 
     @staticmethod
     def _listed(path) -> list:
@@ -367,7 +393,7 @@ class Scene(Document):
         if self.get("twin", "equilibrium") is None:
             return self.trajectory()
         path = self.path("twin", "equilibrium")
-        if not path.exists():
+        if path is None or not path.exists():
             raise self._bad("twin", "equilibrium", f"there is no file {path}")
         from .. import read
 
@@ -411,6 +437,9 @@ class Scene(Document):
         for maker in LEARNED:
             if maker in self.data["potential"]:
                 return self._shared(self._learned(maker), partition)
+        for kind in SYSTEMS:
+            if kind in self.data["potential"]:
+                return self._shared(self._of_system(kind), partition)
         path = self.path("potential", "input")
         if path is not None:
             if not path.is_file():
@@ -440,13 +469,34 @@ class Scene(Document):
         except AtcError as e:
             raise AtcError(f"{self.where('potential', maker)}: [potential] {e}") from None
 
+    def _of_system(self, kind):
+        """The potential of another code's system, read once."""
+        from ..decomposers.openmm import potential_from_openmm
+
+        options = {k: v for k in SYSTEMS[kind] if (v := self.get("potential", k)) is not None}
+        if "parameters" in options:
+            given = options["parameters"]
+            options["parameters"] = tuple(
+                self.folder / Path(name).expanduser() for name in ([given] if isinstance(given, str) else given)
+            )
+        if "include" in options:
+            options["include"] = self.path("potential", "include")
+        path = self.path("potential", kind)
+        key = (path, str(options))
+        if self._made[0] != key:
+            try:
+                self._made = (key, potential_from_openmm(path, kind, **options))
+            except AtcError as e:
+                raise AtcError(f"{self.where('potential', kind)}: [potential] {e}") from None
+        return self._made[1]
+
     def _of_script(self, path, units):
         """The potential of a script: read once, for the trajectory needs it too."""
         from .. import potential
 
         run, files = self.get("potential", "run"), self._files()
         key = (path, units, run, str(files))
-        if getattr(self, "_made", (None,))[0] != key:
+        if self._made[0] != key:
             files = files if isinstance(files, list) else [files]
             self._made = (key, potential(path, units=units, run=run, trajectory=files))
         return self._made[1]
@@ -493,6 +543,8 @@ class Scene(Document):
         if kind == "points":
             xyz = table["points"]
             table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
+        if kind == "planes" and self.get("trajectory", "timestep") is not None:
+            table.setdefault("interval", self.get("trajectory", "timestep"))
         try:
             made = getattr(Grid, kind)(**table)
             return made if follow is None else made.following(follow)
@@ -511,7 +563,9 @@ class Scene(Document):
             if table:
                 out["select"] = select(**table)
             elif "bonds" in out:
-                raise AtcError("bonds: whose ends? say which atoms: types, elements, ids, molecules, region or atoms")
+                raise AtcError(
+                    "bonds: whose ends? say which atoms: types, elements, ids, molecules, groups, region or atoms"
+                )
         except AtcError as e:
             raise self._placed_error("select", list(self.data["select"]), e) from None
         return out

@@ -330,6 +330,34 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "nequip": Key(_string, 'the file of a NequIP or Allegro model, e.g. "my.nequip.zip"', path=True),
         "kim": Key(_string, 'a model of the KIM archive, e.g. "SW_StillingerWeber_1985_Si__MO_405512056662_005"'),
         "metatomic": Key(_string, 'the file of a model exported by metatomic, e.g. "model.pt"', path=True),
+        "openmm": Key(_string, 'the XML file of a System of OpenMM, e.g. "system.xml"', path=True),
+        "prmtop": Key(_string, 'a parameter and topology file of AMBER, e.g. "complex.prmtop"', path=True),
+        "psf": Key(_string, 'a structure file of CHARMM or NAMD, e.g. "step5.psf", with parameters', path=True),
+        "top": Key(_string, 'a topology of GROMACS, e.g. "topol.top"', path=True),
+        "parameters": Key(
+            _either(_string, _list_of(_string)),
+            'the CHARMM files of a psf, e.g. ["par_all36_prot.prm", "top_all36_prot.rtf"]',
+            path=True,
+        ),
+        "method": Key(
+            _choice(["NoCutoff", "CutoffNonPeriodic", "CutoffPeriodic", "Ewald", "PME", "LJPME"]),
+            'how the run summed nonbonded forces, e.g. "PME"',
+        ),
+        "cutoff": Key(_positive, "the cutoff of the run in angstrom, e.g. 9.0"),
+        "switch": Key(_positive, "where Lennard-Jones forces begin to end, in angstrom, e.g. 8.0"),
+        "switching": Key(
+            _choice(["potential-switch", "force-switch", "vfswitch"]),
+            'how Lennard-Jones forces end: "potential-switch", "force-switch" (GROMACS) or "vfswitch" (CHARMM)',
+        ),
+        "chiral": Key(
+            _boolean, "whether torsions that tell a molecule from its mirror image are taken, by forces across bonds"
+        ),
+        "constraints": Key(
+            _choice(["none", "hbonds", "allbonds", "hangles"]), 'which bonds the run held, e.g. "hbonds"'
+        ),
+        "rigid_water": Key(_boolean, "whether the run held water rigid: true or false"),
+        "defines": Key(_list_of(_string), 'names that GROMACS\'s preprocessor knows, e.g. ["POSRES"]'),
+        "include": Key(_string, "the folder of GROMACS's force fields", path=True),
         "head": Key(_string, 'which head of a MACE model, e.g. "Default"'),
         "stress": Key(
             _choice(["edge", "central"]), 'how a learned model of one hop gives its stress: "edge" or "central"'
@@ -409,8 +437,17 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "end": Key(_VECTOR, "a point, e.g. [0.0, 0.0, 50.0]"),
         "n": Key(_count, "a number of points, e.g. 100"),
         "bins": Key(_count, "a number of bins, e.g. 100"),
+        "means": Key(_boolean, "true (values of bins are means over their width) or false (at their centres)"),
+        "positions": Key(_list_of(_number), "coordinates of planes along axis, ascending, e.g. [10.0, 12.5, 15.0]"),
+        "patches": Key(_list_of(_count, 2), "into how many parts each plane is cut along the two edges, e.g. [4, 4]"),
+        "interval": Key(
+            _either(_choice(["frames"]), _positive),
+            'the time over which passages through planes are counted, e.g. 0.001, or "frames": from frame to frame',
+        ),
         "follow": Key(
-            _choice(["mass"]), '"mass": the grid moves with the centre of mass of the atoms, or of those selected'
+            _choice(["mass", "+x", "-x", "+y", "-y", "+z", "-z"]),
+            'what the grid moves with: "mass", the centre of mass of the atoms, or of those selected; "+z", "-x", ...: '
+            "the interface on this side of the denser phase",
         ),
         "center": Key(_list_of(_number, 3), "a point, e.g. [20.0, 20.0, 10.0]"),
         "radius": Key(_positive, "a length greater than 0, e.g. 15.0"),
@@ -428,6 +465,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "elements": Key(_either(_string, _list_of(_string)), 'names of types in the trajectory, e.g. ["O", "H"]'),
         "ids": Key(_either(_count, _string, _list_of(_either(_count, _string))), 'atom ids or spans, e.g. "1:100"'),
         "molecules": Key(_either(_integer, _list_of(_integer)), "molecule numbers, e.g. [1, 2]"),
+        "groups": Key(_either(_string, _list_of(_string)), 'groups of the script of [potential], e.g. "wall"'),
         "region": Key(_string, 'words of a LAMMPS region, e.g. "block 0 10 INF INF 0 5"'),
         "invert": Key(_boolean, "true (all atoms but these) or false"),
         "fixed": Key(_boolean, "true (those that the first frame has of these) or false (each frame is asked anew)"),
@@ -473,6 +511,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "unit_cell": Key(_string, 'a file with one unit cell, e.g. "cell.data"', path=True),
         "masses": Key(_list_of(_positive), "a mass for each atom of the basis, e.g. [39.948]"),
         "directions": Key(_list_of(_list_of(_number, 3)), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),
+        "path": Key(_string, 'a path through the zone: "auto", "seekpath" or names of its points, e.g. "Γ-X-W-K-Γ-L"'),
         "models": Key(_list_of(_choice(_model_names)), 'peridynamic models, e.g. ["classical", "cubic"]'),
         "horizon": Key(_positive, "a length greater than 0, e.g. 8.5"),
         "knots": Key(_count, "a number of knots, e.g. 12"),
@@ -482,6 +521,8 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "phonopy": Key(_boolean, "true or false"),
         "twin": Key(_boolean, "true or false"),
         "blocks": Key(_count, "a number of blocks, e.g. 5"),
+        "linewidths": Key(_choice(["lorentzian", "oscillator"]), '"lorentzian" or "oscillator"'),
+        "structure_factors": Key(_boolean, "true or false"),
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
     "twin": {
@@ -532,7 +573,8 @@ GRIDS: dict[str, tuple[list, list]] = {
     "regular": ([("shape", "spacing")], ["at", "origin", "vectors", "padding", "follow"]),
     "plane": ([("axis", "u"), ("shape", "spacing")], ["position", "origin", "v", "at", "padding", "follow"]),
     "line": (["start", "end", "n"], ["follow"]),
-    "slab": (["axis", "bins"], ["padding", "follow"]),
+    "slab": (["axis", "bins"], ["means", "padding", "follow"]),
+    "planes": (["axis", ("n", "positions")], ["at", "patches", "interval"]),
     "cylindrical": (["radius", "shape"], ["center", "axis", "inner", "length", "follow"]),
     "spherical": (["radius", "shape"], ["center", "axis", "inner", "follow"]),
     "points": (["points"], ["follow"]),

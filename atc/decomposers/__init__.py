@@ -32,6 +32,7 @@ _STYLES = {
     "soft_core": "LennardJonesSoft Class2Soft CoulombSoft MorseSoft",
     "with_coulomb": "",
     "coulomb_long": "CoulombLong",
+    "tip4p": "TIP4P",
     "lepton": "",
     "pair_list": "ListedPairs",
     "stillinger_weber": "StillingerWeber StillingerWeberMod",
@@ -92,6 +93,7 @@ _OTHERS = {
     "tersoff_file": "TersoffEntry",
     "many_body": "ManyBody",
     "constraints": "Constraints",
+    "virtual_sites": "VirtualSites",
     "constraint_rules": "HeldPairs HydrogenBonds RigidMolecules Shake",
 }
 _WHERE = {name: module for module, names in (_STYLES | _OTHERS).items() for name in names.split()}
@@ -122,6 +124,7 @@ def potential(
     run=None,
     trajectory=(),
     alpha=None,
+    **openmm,
 ):
     """A model of the interactions, ready to decompose frames.
 
@@ -130,7 +133,8 @@ def potential(
     source : str, path, Term, PairStyle, list of these, or Potential
         LAMMPS lines (a string with several lines, or one that starts with a LAMMPS command), the path of a LAMMPS input
         script, which is executed as LAMMPS does (variables, conditions, loops, included files) up to its runs, or
-        objects of `atc.decomposers`.
+        objects of `atc.decomposers`; or a System of OpenMM, its XML (system.xml), or a file that OpenMM's readers make
+        one from: AMBER (prmtop, parm7), CHARMM (psf), GROMACS (top).
     units : str or Units
         Units of the numbers in LAMMPS lines that have no ``units`` line. For objects: the units that descriptions refer
         to.
@@ -153,6 +157,12 @@ def potential(
     alpha : float, optional
         For long-range Coulomb only (``kspace_style``): the α of Ewald's split, 1 over the potential's unit of length,
         which local values depend on. Default: 4.05 over the script's Coulomb cutoff.
+    **openmm
+        For systems of OpenMM, AMBER, CHARMM and GROMACS, what the file does not say of the run: ``method`` ("PME",
+        "CutoffPeriodic", ...), ``cutoff`` and ``switch`` in Å, ``switching`` ("potential-switch", "force-switch",
+        "vfswitch"), ``chiral`` (torsions that tell a molecule from its mirror image, by forces across bonds),
+        ``constraints`` ("hbonds", ...), ``rigid_water``, ``parameters`` (CHARMM's files), ``defines`` and ``include``
+        (GROMACS).
 
     Returns
     -------
@@ -171,7 +181,14 @@ def potential(
 
     if partition is not None or alpha is not None:
         pot = potential(
-            source, units, special_bonds=special_bonds, folder=folder, name=name, run=run, trajectory=trajectory
+            source,
+            units,
+            special_bonds=special_bonds,
+            folder=folder,
+            name=name,
+            run=run,
+            trajectory=trajectory,
+            **openmm,
         )
         if alpha is not None:
             from .long_range.kspace import with_alpha
@@ -180,6 +197,18 @@ def potential(
         return pot if partition is None else pot.partitioned(partition)
     if isinstance(source, Potential):
         return source
+    from .openmm import is_openmm, potential_from_openmm
+
+    if is_openmm(source):
+        if units is not None or special_bonds is not None or run is not None:
+            raise AtcError(
+                "units, special_bonds and run go with LAMMPS lines: a System of OpenMM says all of it itself"
+            )
+        return potential_from_openmm(
+            source if folder is None or not isinstance(source, str) else Path(folder) / source, **openmm
+        )
+    if openmm:
+        raise AtcError(f"{next(iter(openmm))} goes with systems of OpenMM, AMBER, CHARMM and GROMACS: leave it out")
     if isinstance(source, str | Path):
         if special_bonds is not None:
             raise AtcError("special_bonds= goes with objects; in LAMMPS lines write a special_bonds line")

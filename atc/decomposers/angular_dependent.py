@@ -70,7 +70,9 @@ class AngularDependent(Centred):
         names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, angular=True)
         require_known(elements, t.elements, path, where)
-        return cls(t, elements, units=units)
+        made = cls(t, elements, units=units)
+        made.file_masses = made.map.masses(t.elements, t.masses, where)
+        return made
 
     def describe(self) -> str:
         return (

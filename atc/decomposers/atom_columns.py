@@ -13,8 +13,10 @@ from ..frame import Frame
 
 SPIN = ("spx", "spy", "spz")
 ELECTRON = ("spin", "eradius")
+#: Which row of a potential's tables an atom has, where a potential that knows its atoms says it.
+KIND = "pair_kind"
 #: Columns that some potential depends on.
-NAMES = (*SPIN, *ELECTRON)
+NAMES = (*SPIN, *ELECTRON, KIND)
 
 
 def atom_columns(frame: Frame, names: tuple[str, ...], why: str) -> np.ndarray:

@@ -19,6 +19,7 @@ from ..frame import Frame
 from ..neighbors.cell_list import Workspace
 from ..planar import planar
 from ..units import Units, require_compatible, units
+from .virtual_sites import FrameWithSites, atoms_of, only_atoms
 
 #: Words for sharing the energy of a whole potential; see `Potential.partitioned`.
 PARTITIONS = ("equal", "center")
@@ -134,10 +135,14 @@ class Term:
     attributes: Mapping[str, str] = MappingProxyType({})
     #: weights of pairs that are bonded, see `special_bonds`
     special = None
+    #: masses that its file gives types, as LAMMPS takes them: the line that named it, and {types: mass}
+    file_masses: tuple[str, Mapping[str, float]] = ("", MappingProxyType({}))
     #: whether it needs the charges of the atoms
     needs_charges: bool = False
     #: whether it takes no weights of special_bonds, and none are missed
     unweighted: bool = False
+    #: whether it acts on virtual sites, see `virtual_sites`
+    on_sites: bool = False
 
     @property
     def inner(self) -> Term:
@@ -259,6 +264,7 @@ class Potential(Interactions):
     timestep : of the script's runs (internal), None where it is not known or there is no script
     setup : what the script says of atoms, see `complete`, or None
     constraints : `Constraints`, the distances and bodies that are held, or None
+    sites : `virtual_sites.VirtualSites`, points besides the atoms that forces act on, or None
     acting : `outside.OutsideForces` of the script, None where nothing says whether there are any
     moved : groups of the script that ``fix move`` moves
     """
@@ -271,6 +277,7 @@ class Potential(Interactions):
     remarks: tuple[str, ...] = ()
     atom_style: str = ""
     timestep: float | None = None
+    sites = None
 
     def _repr_html_(self):
         """For notebooks: its terms, and how far they reach."""
@@ -312,15 +319,15 @@ class Potential(Interactions):
 
     @property
     def local(self) -> Potential:
-        """What of it is bonds: itself without its fields."""
-        if not self.fields:
+        """What of it is bonds: itself without its fields. What sites hand on depends on all forces on them."""
+        if not self.fields or self.sites is not None:
             return self
         new = copy(self)
         new.terms = [t for t in self.terms if not t.field]
         return new
 
     def describe(self) -> str:
-        held = [self.constraints.describe()] if self.constraints is not None else []
+        held = [x.describe() for x in (self.sites, self.constraints) if x is not None]
         return self.description or "; ".join([t.describe() for t in self.terms] + held + list(self.remarks))
 
     @property
@@ -336,7 +343,8 @@ class Potential(Interactions):
     def central(self) -> bool:
         """Whether all forces act along bonds: those of rigid bodies in a plane or on a line do not (see `settled`), nor
         do those of models that were learned."""
-        return all(t.central for t in self.terms) and (self.constraints is None or not self.constraints.across)
+        across = self.sites is not None or (self.constraints is not None and self.constraints.across)
+        return all(t.central for t in self.terms) and not across
 
     def settled(self, frame: Frame) -> Potential:
         """The same potential for a trajectory that begins with this frame, which must say what its constraints need.
@@ -371,7 +379,9 @@ class Potential(Interactions):
         """
         acting = self.acting
         if acting is not None and acting.known:
-            return acting.of(self.complete(frame), inner_nc), f"declared: {acting.describe()}"
+            whole = self.complete(frame)
+            if frame.forces is None or acting.told(whole):
+                return acting.of(whole, inner_nc), f"declared: {acting.describe()}"
         if frame.forces is not None:
             named = f" ({acting.describe()})" if acting is not None else ""
             return frame.forces - inner_nc, f"measured: the forces of the run less those of the potential{named}"
@@ -443,7 +453,14 @@ class Potential(Interactions):
         Raises AtcError for what is needed and not known, and for contradictions between the script and a data file that
         was named.
         """
-        return frame if self.setup is None else self.setup.complete(frame)
+        if self.setup is None or isinstance(frame, FrameWithSites):
+            return frame
+        return self.setup.complete(frame)
+
+    def carriers(self, frame: Frame) -> Frame:
+        """The frame that the bonds' indices refer to: itself, completed, unless there are virtual sites besides its
+        atoms."""
+        return frame if self.sites is None else self.sites.carriers(self.complete(frame))
 
     def check_topology(self, frame: Frame) -> None:
         """Raise AtcError if the frame has bonded terms of a kind that LAMMPS lines do not mention: `atc.fields` leaves
@@ -489,15 +506,17 @@ class Potential(Interactions):
         AtcError for types without coefficients, missing charges or topology, coincident atoms.
         """
         require_compatible(self.units, frame.units, "the potential", frame.source)
+        given = frame
         frame = self.complete(frame)
         if self.dimension == 2 and frame.dimension == 3:
             frame = planar(frame)
-        n, constraints = len(frame), self.constraints
-        whole = frame
-        if constraints is not None:
-            frame = constraints.released(frame)
-        # What constraints do depends on all other forces.
-        accs = [Accumulator(n, forces or constraints is not None, energies, sources) for _ in range(threads)]
+        constraints, carriers = self.constraints, self.carriers(frame)
+        whole = atoms_of(carriers)
+        n = len(whole)
+        frame = whole if constraints is None else constraints.released(whole)
+        # What constraints do, and what sites hand on, depends on all other forces.
+        needed = forces or constraints is not None or self.sites is not None
+        accs = [Accumulator(len(carriers), needed, energies, sources) for _ in range(threads)]
 
         def lane(term, work, stage, t):
             acc = accs[t]
@@ -519,7 +538,7 @@ class Potential(Interactions):
                 if hasattr(term.inner, "threads"):  # of those that deal out their work themselves
                     term.inner.threads = threads
                 done = kept.get(id(term)) if kept else None
-                work = done or term.prepare(frame)
+                work = done or term.prepare(carriers if term.on_sites and self.sites is not None else frame)
                 for stage in range(done.again if done else 0, len(work.stages)):
                     if pool is None:
                         lane(term, work, stage, 0)
@@ -532,9 +551,15 @@ class Potential(Interactions):
             if pool is not None:
                 pool.shutdown()
         held = None
+        if self.sites is not None:
+            levers = carriers.levers(sum(a.forces for a in accs)[carriers.index_s], sources)
+            if len(levers):
+                accs[0].add_bonds(levers)
+                if consume is not None:
+                    consume(levers, 0)
         if constraints is not None and n:
-            inner = sum(a.forces for a in accs)
-            known = self.acting is not None and self.acting.laws and self.acting.known
+            inner = sum(a.forces for a in accs)[:n]
+            known = self.acting is not None and self.acting.laws and self.acting.told(whole)
             held = constraints.found(whole, inner, self.acting.of(whole, inner) if known else None)
             for bonds in (held.bonds, held.levers):
                 if bonds is None or not len(bonds):
@@ -553,11 +578,16 @@ class Potential(Interactions):
         for a in accs:
             for k, v in a.notes.items():
                 notes[k] = notes.get(k, 0) + v
+        energies_n = sum(a.energies for a in accs) if energies else None
+        forces_nc = sum(a.forces for a in accs) if forces else None
+        if carriers is not given and self.sites is not None:
+            energies_n = only_atoms(carriers, energies_n)
+            forces_nc = None if forces_nc is None else forces_nc[:n]
         return Decomposition(
             energy=float(sum(a.energy for a in accs)),
             virial_cc=sum(a.virial for a in accs),
-            energies_n=sum(a.energies for a in accs) if energies else None,
-            forces_nc=sum(a.forces for a in accs) if forces else None,
+            energies_n=energies_n,
+            forces_nc=forces_nc,
             n_bonds=sum(a.n_bonds for a in accs),
             notes=notes,
             held=held,

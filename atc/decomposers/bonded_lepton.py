@@ -141,13 +141,18 @@ class LeptonTorsion(_Formulas, CurveTorsion):
     variable = "phi"
     has_reference = False
 
+    @staticmethod
+    def mirrored(phi):
+        """The torsion angle of the mirror image."""
+        return 2.0 * np.pi - phi
+
     def _set(self, values, where=""):
         super()._set(values, where)
         phi = np.concatenate([np.linspace(0.0, np.pi, 361)[1:-1], np.random.default_rng(0).uniform(0.0, np.pi, 200)])
         refused = {}
         with np.errstate(all="ignore"):
             for t, (_, formula) in values.items():
-                (u, du), (v, dv) = formula(phi), formula(2.0 * np.pi - phi)
+                (u, du), (v, dv) = formula(phi), formula(self.mirrored(phi))
                 far = np.abs(u - v).max() > _EVEN * max(np.ptp(u), 1e-12 * np.abs(u).max(initial=0.0))
                 if far or np.abs(du + dv).max() > 1e-8 * np.abs(du).max(initial=0.0):
                     refused[t] = f"its formula is not the same for phi and -phi: {_MIRROR}"

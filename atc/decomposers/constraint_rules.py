@@ -15,6 +15,9 @@ SAME_MASS = 0.1
 #: Hydrogen (and deuterium, and hydrogen with mass taken from its neighbour) is lighter than this, in atomic units.
 LIGHT = 4.5
 
+#: So many bits behind that of a group of `Frame.groups` stands the one of atoms that may be in it or not.
+UNSURE = 31
+
 
 @dataclass(frozen=True)
 class Group:
@@ -32,7 +35,18 @@ class Group:
                 f"{where}: who is in group {self.name} is not known for {frame.source}: give atc the frames of a "
                 "trajectory, with the data file that the script reads"
             )
+        if not self.told(frame):
+            raise AtcError(
+                f"{where}: who is in group {self.name} is not known for {frame.source}: let the script read the atoms "
+                "from a data file (write_data makes one)"
+            )
         return (frame.groups >> self.bit) & 1 == 1
+
+    def told(self, frame: Frame) -> bool:
+        """Whether it is known who is in it."""
+        if self.bit < 0:
+            return True
+        return frame.groups is not None and not ((frame.groups >> (self.bit + UNSURE)) & 1).any()
 
 
 class Rule:

@@ -90,7 +90,7 @@ class Constraints:
     def in_file(self) -> Constraints | None:
         """What of these constraints the forces of a file contain, found from them."""
         rules = tuple(r for r in self.rules if not r.bodies)
-        if not rules or self.contained is False:
+        if not rules or self._said() is False:
             return None
         if rules == self.rules and self.source in ("auto", "forces"):
             return self
@@ -194,6 +194,7 @@ class Constraints:
         number of constraints."""
         out = np.full(len(frame), float(frame.dimension))
         frame.require("masses", why="degrees of freedom of constrained atoms")
+        out[frame.masses == 0.0] = 0.0  # virtual sites
         for system in self._systems(frame)[0]:
             np.subtract.at(out, system.molecules.atoms_ma, system.taken_ma())
         for b in self.bodies(frame):

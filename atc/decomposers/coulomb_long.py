@@ -53,7 +53,7 @@ class CoulombLong(PairStyle):
         """The same with another accuracy, or α."""
         new = CoulombLong(self.on, self.split.at(accuracy, alpha), self.reach)
         new.run_table = self.run_table
-        new.own_special = self.own_special
+        new.own_special, new.water = self.own_special, self.water
         return new
 
     def prepare(self, frame):

@@ -112,6 +112,14 @@ class ElementMap:
             if (self.of_type < 0).all():
                 raise AtcError(f"{what}: every atom type is NULL: name the element of at least one type")
 
+    def masses(self, names, masses, where: str) -> tuple[str, dict[str, float]]:
+        """`Term.file_masses` from those of elements, in the file's units. where : the line that names the file"""
+        of = dict(zip(names, (float(m) for m in masses), strict=True))
+        if self.elements is None:
+            return where, {"*": of[self.names[0]]}
+        out = {str(t): of[e] for t, e in enumerate(self.elements, 1) if e is not None}
+        return where, out if self.rest is None else {**out, f"{len(self.elements) + 1}*": of[self.rest]}
+
     def describe(self) -> str:
         return "" if self.elements is None else " " + "-".join(dict.fromkeys(e for e in self.elements if e is not None))
 

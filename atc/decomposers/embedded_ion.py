@@ -43,13 +43,14 @@ _PAIR = (
 
 @dataclass
 class EIMParameters:
-    """names; chi_e (electronegativities); pair : {(a, b): {number: value}} for a ≤ b; bounds : of the argument of erfc
-    in the cutoff function."""
+    """names; chi_e (electronegativities), mass_e; pair : {(a, b): {number: value}} for a ≤ b; bounds : of the argument
+    of erfc in the cutoff function."""
 
     names: list[str]
     chi_e: np.ndarray
     pair: dict
     bounds: tuple[float, float]
+    mass_e: np.ndarray
 
 
 def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMParameters:
@@ -66,7 +67,7 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
             f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
             "convert EIM files"
         )
-    bounds, chi, pairs = None, {}, {}
+    bounds, chi, mass, pairs = None, {}, {}, {}
     words: list[str] = []
     first = 0
     for number, line in enumerate(text.splitlines(), 1):
@@ -79,7 +80,8 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
         if kind == "global:":
             bounds = tuple(_values(rest, 3, ("division", "rbig", "rsmall"), at)[1:])
         elif kind == "element:" and rest and rest[0] in names:
-            chi[rest[0]] = _values(rest[1:], 7, ("number", "mass", "negativity", "ra", "ri", "Ec", "q0"), at)[2]
+            v = _values(rest[1:], 7, ("number", "mass", "negativity", "ra", "ri", "Ec", "q0"), at)
+            mass[rest[0]], chi[rest[0]] = v[1:3]
         elif kind == "pair:" and len(rest) > 1 and rest[0] in names and rest[1] in names:
             v = dict(zip(_PAIR, _values(rest[2:], len(_PAIR), _PAIR, at), strict=True))
             if v["p"] not in (1, 2) or v["beta"] == v["alpha"] or not v["re"] > 0:
@@ -97,7 +99,8 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
                 raise AtcError(
                     f"{path}: no pair: line for {name} and {names[b]}, which {where or 'the list of elements'} needs"
                 )
-    return EIMParameters(list(names), np.array([chi[n] for n in names]), pairs, bounds)
+    of = lambda what: np.array([what[n] for n in names])  # noqa: E731
+    return EIMParameters(list(names), of(chi), pairs, bounds, of(mass))
 
 
 def _values(words, count, keys, at) -> list[float]:
@@ -188,7 +191,10 @@ class EmbeddedIon(Term):
     def from_file(cls, path, names, elements=None, *, units: str | Units = "metal", where: str = "") -> EmbeddedIon:
         """From a LAMMPS file: ``EmbeddedIon.from_file("ffield.eim", ["Na", "Cl"], ["Na", "Cl"])``. where : the line
         that names it, for messages."""
-        return cls(read_eim(path, list(names), system(units).name, where), elements, units=units)
+        p = read_eim(path, list(names), system(units).name, where)
+        made = cls(p, elements, units=units)
+        made.file_masses = made.map.masses(p.names, p.mass_e, where)
+        return made
 
     def describe(self) -> str:
         return f"eim{self.map.describe()}, energy ½qσ to its own atom, pair energy shared half to each"

@@ -66,7 +66,8 @@ class Exclusions:
         for i, j in self.types:
             mask[i, j] = mask[j, i] = True
         everyone = sum(1 << k for k, g in enumerate(self.groups) if g == "all")
-        bits = (np.zeros(n, np.int64) if frame.groups is None else frame.groups) | everyone
+        own = (1 << len(self.groups)) - 1  # behind them stand groups that others need
+        bits = (np.zeros(n, np.int64) if frame.groups is None else frame.groups & own) | everyone
         molecules = np.zeros(n, np.int64) if frame.molecules is None else frame.molecules
         a, b = (np.array([1 << p[s] for p in self.pairs], np.int64) for s in (0, 1))
         same, different = (np.array([1 << k for k in ks], np.int64) for ks in (self.same, self.different))

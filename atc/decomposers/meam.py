@@ -81,7 +81,10 @@ class MEAM(Term):
         names : the elements to take from the library, in the order that the indices of the parameter file count. where
             : the line, for messages
         """
-        return cls(read_meam(library, names, parameters, system(units).name, where), elements, units=units)
+        p = read_meam(library, names, parameters, system(units).name, where)
+        made = cls(p, elements, units=units)
+        made.file_masses = made.map.masses(p.names, p.mass_e, where)
+        return made
 
     def describe(self) -> str:
         return (

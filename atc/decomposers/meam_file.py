@@ -101,6 +101,7 @@ class MEAMParameters:
     erose_form: int = 0
     emb_lin_neg: int = 0
     bkgd_dyn: int = 0
+    mass_e: np.ndarray | None = None
 
 
 def library_elements(text: str, path) -> dict[str, tuple[str, list[str]]]:
@@ -260,6 +261,7 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
         pairs("zbl", 1).astype(bool),
         Cmin,
         Cmax,
+        mass_e=v["atwt"],
         **scalars,
     )
 

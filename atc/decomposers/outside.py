@@ -29,6 +29,14 @@ class Law:
         """(n, 3) what it adds to F_nc on the atoms `inside`."""
         raise NotImplementedError
 
+    def told(self, frame: Frame) -> bool:
+        """Whether it is known on whom it acts."""
+        return self.group.told(frame)
+
+    def inside(self, frame: Frame) -> np.ndarray:
+        """(n,) bool, on whom it acts. AtcError where this is not known."""
+        return self.group.inside(frame, self.where)
+
 
 @dataclass(frozen=True)
 class Constant(Law):
@@ -51,6 +59,16 @@ class Put(Law):
 
     values: tuple[float | None, ...] = (None, None, None)
     mean: bool = False
+
+    def told(self, frame):
+        return super().told(frame) or (frame.forces is not None and not self.mean)
+
+    def inside(self, frame):
+        """Where nothing else tells who is in the group: those on whom the run has just these forces."""
+        if super().told(frame) or not self.told(frame):
+            return super().inside(frame)
+        F, put = frame.forces, np.array([np.nan if v is None else v for v in self.values])
+        return (np.isnan(put) | (np.abs(F - put) <= 1e-6 * np.abs(put))).all(axis=1)
 
     def force(self, frame, F_nc, inside):
         out = np.zeros_like(F_nc)
@@ -175,11 +193,15 @@ class OutsideForces:
         """Whether the laws are all there is."""
         return not self.others
 
+    def told(self, frame: Frame) -> bool:
+        """Whether the laws are all there is, and it is known on which atoms of a frame they act."""
+        return self.known and all(law.told(frame) for law in self.laws)
+
     def of(self, frame: Frame, inner_nc) -> np.ndarray:
         """(n, 3) the forces of the laws on atoms on which the forces `inner_nc` between atoms act."""
         F = np.array(inner_nc)
         for law in self.laws:
-            inside = law.group.inside(frame, law.where)
+            inside = law.inside(frame)
             F += np.where(inside[:, None], law.force(frame, F, inside), 0.0)
         return F - inner_nc
 

@@ -16,6 +16,7 @@ from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors.verlet import cell_list
 from ..units import units as get_units
+from .atom_columns import atom_columns
 from .base import Accumulator, Term, Work
 from .neighborhood import impossible
 from .registry import factor
@@ -49,6 +50,8 @@ class PairStyle:
     own_special: tuple = ()
     #: what a CHARMM torsion needs for the pairs at its ends (`one_four.OneFour`)
     one_four = None
+    #: of charges that sit on virtual sites: which (`tip4p.TIP4PLine`)
+    water = None
     #: whether it acts on spins
     magnetic = False
     #: what its energies are multiplied by
@@ -114,6 +117,13 @@ class PairStyle:
         return None
 
 
+def kinds_of(frame: Frame, column: str) -> np.ndarray:
+    """(n,) which row of tables of pairs each atom has: its type, or what a column says where types are the user's."""
+    if not column:
+        return frame.types
+    return atom_columns(frame, (column,), "the potential")[:, 0].astype(np.int64)
+
+
 class Pairs(Term):
     """The pair term of a potential.
 
@@ -125,16 +135,18 @@ class Pairs(Term):
     grow : function n_types → list of PairStyle for a frame with more types than `n_types`, or None if there is no more
         to know
     exclusions : Exclusions or None, pairs that no style acts on
+    kinds : the column of `Frame.extra` that the tables' types are in; "": the atoms' own types, see `kinds_of`
     """
 
     pairwise = True
 
-    def __init__(self, styles, n_types: int, special=None, grow=None, exclusions=None):
+    def __init__(self, styles, n_types: int, special=None, grow=None, exclusions=None, kinds: str = ""):
         self.styles = list(styles)
         self.n_types = n_types
         self.special = special
         self.grow = grow
         self.exclusions = exclusions
+        self.kinds = kinds
         self.cutoff = max((s.cutoff for s in self.styles), default=0.0)
         if not self.cutoff > 0:
             names = ", ".join(s.name for s in self.styles)
@@ -150,7 +162,8 @@ class Pairs(Term):
         return self._grown.get(top, self)
 
     def prepare(self, frame: Frame) -> Work:
-        top = int(frame.types.max()) if len(frame) else 0
+        types = kinds_of(frame, self.kinds)
+        top = int(types.max()) if len(frame) else 0
         if top > self.n_types:
             if self.grow is None or top > MAX_TYPES:
                 raise AtcError(
@@ -163,8 +176,8 @@ class Pairs(Term):
                 except AtcError as e:
                     raise AtcError(f"{frame.source} has atoms of type {top}; {e}") from None
             return self._grown[top].prepare(frame)
-        if len(frame) and frame.types.min() < 1:
-            raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(frame.types.min())}")
+        if len(frame) and types.min() < 1:
+            raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(types.min())}")
         if any(s.needs_charges for s in self.styles):
             frame.require("charges", why="a coulomb pair style")
         return _PairWork(self, frame)
@@ -174,7 +187,7 @@ class _PairWork(Work):
     def __init__(self, term: Pairs, frame: Frame):
         self.term = term
         self.frame = frame
-        self.types = frame.types.astype(np.int32)
+        self.types = kinds_of(frame, term.kinds).astype(np.int32)
         self.list = cell_list(frame.positions, frame.cell, term.cutoff)
         self.prepared = [s.prepare(frame) for s in term.styles]
         keep = any(s.keeps_excluded for s in term.styles)
@@ -213,12 +226,12 @@ class _PairWork(Work):
             if e is not None:
                 acc.energy += float(e.sum())
                 if acc.energies is not None:
-                    acc.energies += e
+                    acc.energies[: len(e)] += e
 
     def _bad(self, i, j, d) -> AtcError:
         frame = self.frame
         for s in self.term.styles if d > 0.0 else ():
-            why = s.trouble(int(frame.types[i]), int(frame.types[j]), d)
+            why = s.trouble(int(self.types[i]), int(self.types[j]), d)
             if why:
                 a, b = sorted((frame.ids[i], frame.ids[j]))
                 return AtcError(f"{frame.source}: atoms {a} and {b}: {why}")

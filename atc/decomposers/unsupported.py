@@ -9,7 +9,7 @@ _KSPACE = (
     "its long-range part is not done yet: lj/cut/coul/long and its relatives are supported, with kspace_style ewald "
     "or pppm"
 )
-_SITE = "its charges sit on a virtual site whose force is spread over the molecule, not on atoms"
+_SITE = "softened charges on a virtual site are not done yet: lj/cut/tip4p/long and tip4p/long are"
 _ANGLES = "it depends on the orientation of the particles, which is no function of the distances between atoms"
 _MANY_BODY = "it is a many-body potential that is not done yet"
 _DENSITY = "its forces depend on local densities of many atoms, which is not done yet"
@@ -48,8 +48,7 @@ _PAIR = {
         "lj/sdk/coul/msm lj/spica/coul/long "
         "lj/spica/coul/msm lj/switch3/coulgauss/long mm3/switch3/coulgauss/long"
     ),
-    _SITE: "lj/cut/tip4p/cut lj/cut/tip4p/long lj/cut/tip4p/long/soft lj/long/tip4p/long tip4p/cut tip4p/long "
-    "tip4p/long/soft",
+    _SITE: "lj/cut/tip4p/long/soft tip4p/long/soft",
     _ANGLES: (
         "body/nparticle body/rounded/polygon body/rounded/polyhedron gayberne line/lj lj/cut/dipole/cut "
         "lj/cut/dipole/long lj/long/dipole/long "

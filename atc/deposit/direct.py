@@ -13,6 +13,7 @@ import numpy as np
 from ..compiled import njit
 from ..errors import AtcError
 from ..kernels import TINY
+from ..kernels.binned import profile_of
 from ..kernels.lanes import ROOM
 from ..simd import ENTRY, specialise
 from . import _lattice, _points, _slab
@@ -473,7 +474,7 @@ class SlabDeposit(Deposit):
         a = grid.axis
         self.height = self.cell.heights[a]
         self.normal = _array(self.cell.inverse[:, a] * self.height)
-        marginal = kernel.marginal(self.normal)
+        marginal = profile_of(kernel, grid)
         self.radii, self.coef = marginal.pieces
         self._core = _core(_slab.slab_bonds, marginal.compiled)
         self.step = self.height / len(grid)

@@ -15,7 +15,7 @@ In two dimensions k lies in the plane: φ̂ is Hankel's transform, and p(κ) an 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import pi
 
 import numpy as np
@@ -103,6 +103,7 @@ def window_hat(f, width, shape):
     return width / i0(shape) * np.where(r > 1e-8, np.where(s > 0, np.sinh(safe), np.sin(safe)) / safe, 1.0)
 
 
+@lru_cache(maxsize=64)
 def window_polynomials(width, shape, accuracy):
     """(degree + 1, 4⌈width/4⌉) coefficients of window(x + j − width/2) in powers of x, 0 ≤ x ≤ 1, for j =
     0..width−1."""
@@ -288,6 +289,16 @@ def products(first, count):
     `first` on, (lengths, modes)."""
     x = 10.0 ** (np.arange(first + _STEPS[0], first + count + _STEPS[-1]) / _DECADE)
     return x, lambda values: np.lib.stride_tricks.sliding_window_view(values, count)[_STEPS - _STEPS[0]]
+
+
+@cache
+def legendre_rules(most):
+    """(most, most) nodes and weights on [0, 1] of Gauss-Legendre rules of 1, 2, .. points, a row each."""
+    nodes, weights = np.zeros((2, most, most))
+    for m in range(most):
+        x, w = np.polynomial.legendre.leggauss(m + 1)
+        nodes[m, : m + 1], weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
+    return nodes, weights
 
 
 @lru_cache(maxsize=64)

@@ -12,8 +12,9 @@ from math import floor, sqrt
 
 import numpy as np
 
-from ..compiled import njit, specialise
+from ..compiled import specialise
 from ..errors import AtcError
+from ..kernels.binned import profile_of
 from ..simd import JIT
 
 # Replaced in each copy (see `compiled.specialise`).
@@ -103,35 +104,16 @@ def _bins(cell, x, support):
     return x_nc, order, start, bins, low, scale
 
 
-@njit(**JIT)
 def _sorted(x, s, periodic, vectors, bins, low, scale):
     """Positions wrapped and sorted by bin, their order, and the first of each bin; s fractional."""
-    n = len(x)
-    wrapped = np.empty((n, 3))
-    flat = np.empty(n, np.int64)
-    start = np.zeros(bins[0] * bins[1] * bins[2] + 1, np.int64)
-    for j in range(n):
-        at = 0
-        wrapped[j, 0], wrapped[j, 1], wrapped[j, 2] = x[j, 0], x[j, 1], x[j, 2]
-        for a in range(3):
-            image = floor(s[j, a]) if periodic[a] else 0.0
-            for c in range(3):
-                wrapped[j, c] -= image * vectors[a, c]
-            k = int((s[j, a] - image - low[a]) * scale[a])
-            at = at * bins[a] + min(max(k, 0), bins[a] - 1)
-        flat[j] = at
-        start[at + 1] += 1
-    for b in range(len(start) - 1):
-        start[b + 1] += start[b]
-    put = start[:-1].copy()
-    order = np.empty(n, np.int64)
-    out = np.empty((n, 3))
-    for j in range(n):
-        p = put[flat[j]]
-        put[flat[j]] = p + 1
-        order[p] = j
-        out[p, 0], out[p, 1], out[p, 2] = wrapped[j, 0], wrapped[j, 1], wrapped[j, 2]
-    return out, order, start
+    image = np.where(periodic, np.floor(s), 0.0)
+    for a in range(3):
+        x = x - image[:, a, None] * vectors[a]
+    at = np.clip(((s - image - low) * scale).astype(np.int64), 0, bins - 1)
+    flat, many = np.ravel_multi_index(tuple(at.T), tuple(bins)), int(bins.prod())
+    # Small integers are sorted quickly.
+    order = np.argsort(flat.astype(np.min_scalar_type(many)), kind="stable")
+    return x[order], order, np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=many))])
 
 
 def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients):
@@ -250,7 +232,7 @@ def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient, squared=False):
     axis = bound.axis
     height = cell.heights[axis]
     normal = cell.inverse[:, axis] * height
-    marginal = kernel.marginal(normal)
+    marginal = profile_of(kernel, bound)
     z = (np.asarray(x_nc) - cell.origin) @ normal
     periodic = bool(cell.periodic[axis])
     if periodic:

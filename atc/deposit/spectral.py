@@ -17,6 +17,7 @@ reach more, so that no image is seen.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from math import ceil, frexp
 from threading import Lock
 
@@ -217,10 +218,7 @@ class SpectralDeposit(Deposit):
     def _rules(self):
         """Gauss-Legendre rules, the longest bonds they do for, and the window's polynomials."""
         if self._rule is None:
-            nodes, weights = np.zeros((2, MOST, MOST))
-            for m in range(MOST):
-                x, w = np.polynomial.legendre.leggauss(m + 1)
-                nodes[m, : m + 1], weights[m, : m + 1] = 0.5 * (x + 1.0), 0.5 * w
+            nodes, weights = fourier.legendre_rules(MOST)
             levels = self._levels()
             longest = fourier.longest_bonds(self.kernel, levels, MOST, self.gradients)
             # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
@@ -257,9 +255,14 @@ class SpectralDeposit(Deposit):
 
     def points_of(self, length: float) -> int:
         """How many points a bond of this length and of mean strength becomes: an estimate, see `_slack`."""
-        longest = fourier.longest_bonds(self.kernel, np.array([2.0 * self._bond_share]), MOST, self.gradients)[0]
+        longest = self._longest_of_mean
         enough = np.flatnonzero(longest >= length)
         return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
+
+    @cached_property
+    def _longest_of_mean(self) -> np.ndarray:
+        """The longest bonds of about mean strength that 1, 2, .. points do for."""
+        return fourier.longest_bonds(self.kernel, np.array([2.0 * self._bond_share]), MOST, self.gradients)[0]
 
     # --- adding
     def _slack(self, i_b, r_bc, b_bk, weight_k, collapse=None):

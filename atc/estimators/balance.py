@@ -25,6 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..compiled import njit
+from ..decomposers.virtual_sites import seen_by
 from ..errors import AtcError
 from .sources import drift_velocity
 from .tensors import full, outer6, quotient
@@ -244,16 +245,6 @@ def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
     """One pass over the bonds of a frame: the atoms' rates, and into `deposit` (of 21 bond components) the bonds'
     factors."""
     fields = pot.fields
-    if any(term.slab is not None for term in fields):
-        raise AtcError(
-            f"{frame.source}: balance laws with kspace_modify slab are not supported: the energy current of its "
-            "correction is not done yet"
-        )
-    if not all(term.carries for term in fields):
-        raise AtcError(
-            f"{frame.source}: balance laws with long-range dispersion (ewald/disp) are not supported: the energy "
-            "current of its modes is not done yet"
-        )
     n = len(frame)
     drift = drift_velocity(frame)
     v_nc = np.ascontiguousarray(frame.velocities - drift)
@@ -270,16 +261,18 @@ def motion(frame, pot, threads: int = 1, deposit=None) -> Motion:
     d = pot.stream(frame, consume, threads=threads, energies=True, forces=True, sources=True)
     slope, rate, flux, torque, stiff = (sum(p[k] for p in parts) for k in range(5))
     for term in fields:
-        _add_field(term, frame, v_nc, slope, rate, flux, torque, stiff)
+        seen = seen_by(term, frame)
+        m = len(seen)
+        _add_field(term, seen, v_nc[:m], slope[:m], rate[:m], flux[:m], torque[:m], stiff[:m])
     return Motion(frame, drift, v_nc, d.energies_n, d.forces_nc, slope, rate, flux, torque, np.sqrt(stiff), d.notes)
 
 
 def _add_field(term, frame, v_nc, slope, rate, flux, torque, stiff) -> None:
-    """The rates of a field's shares U^(j) = ½ q_j Φ(x_j) + const; it churns nothing: ∇·z = 0."""
+    """The rates of a field's shares U^(j), such as ½ q_j Φ(x_j) + const; it churns nothing: ∇·z = 0."""
     smooth = term.modes(frame, term.threads)
     force_nc = smooth.forces_nc()
     power = np.einsum("nc,nc->n", v_nc, force_nc)
-    share_rate = 0.5 * (frame.charges * smooth.potential_rate_n(v_nc) - power)
+    share_rate = smooth.share_rates_n(v_nc)
     slope -= force_nc
     rate += share_rate
     flux -= share_rate + power

@@ -8,6 +8,21 @@ import numpy as np
 
 from .methods import EXACT
 
+#: What the kernel may lack far out in sums of φ², of the tolerance.
+SQUARES = 0.1
+#: How much closer sums of φ² are taken by their modes: what they correct grows by 1/(1 - 1/N), and its errors with it.
+CLOSER_SQUARES = 0.1
+
+
+def squared_kernel(kern, cell):
+    """c and a kernel ψ with φ² = c ψ; None where there is none, or where atoms are in reach of a point more than once:
+    two images of an atom move together, and their product counts, too."""
+    found = kern.squared()
+    half = cell.heights[cell.periodic] / 2.0
+    if found is None or not len(half):
+        return found
+    return found if kern.phi(np.array([half.min(), 0.0, 0.0])) ** 2 < 1e-14 * kern.peak**2 else None
+
 
 class Deposits:
     """Points at which sums are wanted, with a method for each deposit; `origin` is subtracted from all positions first.
@@ -68,19 +83,13 @@ class Deposits:
         from ..deposit import make
         from ..deposit.gradient import gather
 
-        found = None if self.bound.kind == "slab" else self.summed_kern.squared()
-        if found is not None:
-            # Two images of an atom in reach of a point move together: their product counts, too.
-            half = self.cell.heights[self.cell.periodic] / 2.0
-            there = self.summed_kern.phi(np.array([half.min(initial=np.inf), 0.0, 0.0])) if len(half) else 0.0
-            found = found if there**2 < 1e-14 * self.summed_kern.peak**2 else None
+        found = None if self.bound.kind == "slab" else squared_kernel(self.summed_kern, self.cell)
         if found is None:
             kern = self.summed_kern.cut(beyond) if beyond else self.summed_kern
             return gather(self.bound, kern, self.cell, self.place(x_nc), a_nk, None, False, self.threads, True)[0]
         factor, kern = found
         m = self.methods.get("site", EXACT)
-        # What it corrects grows by 1/(1 - 1/N), and its errors with it.
-        tolerance = 0.1 * m.tolerance or 1e-5
+        tolerance = CLOSER_SQUARES * m.tolerance or 1e-5
         deposit = make(m.name, self.bound, kern, self.cell, a_nk.shape[1], 0, self.threads, tolerance)
         self.add_sites(deposit, self.place(x_nc), a_nk)
         return factor * deposit.site_sums()

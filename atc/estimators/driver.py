@@ -12,11 +12,13 @@ from time import perf_counter
 
 import numpy as np
 
+from ..decomposers.virtual_sites import atoms_of
 from ..grids.curved import in_local_axes
-from . import passes, tiles
+from . import passes, planes, tiles
 from .accuracy.random_points import ZERO, extent_of, kernel_internal, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, StrongestBonds, StrongestOfFrames, error_of, summed_exactly
 from .chosen import chosen_of
+from .deposits import SQUARES
 from .field_pass import FieldPass, atom_fields, finer_check, is_checked
 from .groups import POINTS, MeanFields, added_up, elements, formed_once, joined, of_one_cell, of_parts
 from .methods import DEPOSITS, NAMES
@@ -29,8 +31,6 @@ from .sources import AtomFactors, OfAll, drift_velocity
 from .sums import Sums
 from .tightening import SAFE, checkable, clear_thin, thin_sums, tightened, watched
 
-#: What the kernel may lack far out in sums of φ², of the tolerance.
-SQUARES = 0.1
 #: How many times the precision of the sums may be left of a bond that was taken out of them again.
 PRECISIONS_LEFT = 8.0
 
@@ -64,10 +64,14 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
             fields_of(frames, replace(settings, part=k), index, run_tiles) for k in range(len(settings.parts.labels))
         ]
         return of_parts(each)
+    if planes.through_planes(settings.grid):
+        return planes.of_frame(frames, settings, index, fields_of)
     more = {"parts": settings.part is not None, "velocity": settings.velocity, "churnless": settings.churnless}
     work = Work.of(settings.names, settings.central, **more)
     for frame in frames:
         require(frame, settings, work)
+    if work.bond_users:
+        frames = [settings.pot.carriers(f) for f in frames]
     goal, start, several = SAFE * settings.tolerance, perf_counter(), len(frames) > 1
     if several:
         settings = replace(settings, check_points=min(settings.check_points, POINTS))
@@ -172,6 +176,7 @@ class Run:
 
 def _bound(settings: Settings, frame, chosen):
     """The grid on a frame, where it has moved to."""
+    frame = atoms_of(frame)
     bound = settings.grid.bind(frame.units, frame.cell, frame.positions)
     if settings.follow is None:
         return bound
@@ -283,8 +288,9 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     work, settings, strongest, fields = run.work, run.settings, before.strongest, before.fields
     whole = settings.tiles is None
     bonds_alone = replace(settings, pot=settings.pot.local)
-    # Fields' energies and forces cost as much as their modes. Those of constraints depend on them.
-    of_bonds = settings if work.beyond_bonds or settings.pot.constraints is not None else bonds_alone
+    # Fields' energies and forces cost as much as their modes. Constraints and virtual sites depend on them.
+    held = settings.pot.constraints is not None or settings.pot.sites is not None
+    of_bonds = settings if work.beyond_bonds or held else bonds_alone
     deposit = here.grid.open(work.n_bond) if work.bond and whole else None
     seek = watch and strongest is None
     each, found = [], []

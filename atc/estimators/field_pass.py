@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..decomposers.long_range.stress import SINGLE
+from ..decomposers.virtual_sites import seen_by
 from ..errors import AtcError
 from .passes import has_size
 from .registry import BOND
@@ -28,7 +29,7 @@ EVERY = 16
 # Up to so many points the modes are summed up one by one.
 FEW = 2000
 #: Sums over bonds that fields know their share of.
-KNOWN = ("stress", "power", "power_lab", "sources")
+KNOWN = ("stress", "moment", "power", "power_lab", "sources")
 
 
 def is_checked(index: int) -> bool:
@@ -55,18 +56,7 @@ def require_fields(frame, settings, work) -> None:
             f"{', '.join(pd) or 'this quantity'}: not supported with {what}: a field has no bonds that could be "
             "weighted or shared between nodes"
         )
-    heat = [q.name for q in work.quantities if any(s.sources for s in q.sources())]
     for term in fields:
-        if heat and not term.carries:
-            raise AtcError(
-                f"{', '.join(heat)}: not supported with long-range dispersion (ewald/disp): the energy current of its "
-                "modes is not done yet"
-            )
-        if heat and term.slab is not None:
-            raise AtcError(
-                f"{', '.join(heat)}: not supported with kspace_modify slab: the energy current of its correction is "
-                "not done yet"
-            )
         if work.grid_users and work.bond:
             _wave(term, settings.kern.in_dimension(3).scaled(frame.units.length), _tolerance(settings.tolerance))
 
@@ -138,7 +128,9 @@ class FieldSums:
         self.modes: list[dict | None] = [None] * len(terms)
         self.boxes: list = [None] * len(terms)
         self.kinds = [
-            k for k in ("stress", "power", "power_lab") if k in names or (k == "stress" and "sources" in names)
+            k
+            for k in ("stress", "power", "power_lab")
+            if k in names or (k == "stress" and {"sources", "moment"} & {*names})
         ]
 
     def add(self, frame, drift) -> None:
@@ -173,6 +165,7 @@ class FieldSums:
 
     def _modes_of(self, n: int, frame, drift) -> dict:
         term = self.terms[n]
+        frame = seen_by(term, frame)
         term.check(frame)
         on = self.layout(n, frame)
         products = term.products(frame, on, self.threads)
@@ -209,6 +202,8 @@ class FieldSums:
         if "sources" in self.names:
             # A field churns nothing: z = S + M = 0.
             total["sources"] = -full(total["stress"]).reshape(-1, BOND["sources"].width)
+        if "moment" in self.names:  # a symmetric one, see `tensors.general`
+            total["moment"] = np.concatenate([total["stress"], np.zeros((len(total["stress"]), 3))], axis=1)
         return {name: total[name] for name in self.names}
 
     def _finished(self, n, values, modes=None):
@@ -232,6 +227,8 @@ class FieldSums:
         area = abs(np.linalg.det(vectors)) / height / (cell.volume / cell.heights[a])
         n = index[a]
         phase = np.exp(2j * np.pi / height * np.outer(z, n))
+        if self.bound.means:
+            phase *= np.sinc(n / height * cell.heights[a] / self.bound.shape[0])
         out = []
         for F in F_k:
             line = np.moveaxis(F, a, 0)[:, 0, 0]
@@ -384,19 +381,24 @@ def atom_fields(pot, frame, work, bonds, tiled: bool = False):
     they are those of the bonds alone."""
     power = "box_power" in work.whole
     for term in pot.fields:
-        completed = pot.complete(frame)
+        completed = seen_by(term, pot.complete(frame))
         term.check(completed)
-        if not (tiled or work.atom_virial or power):
+        n = len(completed)
+        if not (tiled or work.atom_virial or work.atom_moment or power):
             continue
         smooth, totals, per_atom = term.modes(completed, term.threads), {}, {}
         if tiled:
             totals["virial_cc"] = bonds.totals.virial_cc + smooth.virial_cc
             if work.energy_users:
                 per_atom["energies_n"] = bonds.per_atom.energies_n + smooth.energies_n()
-        if work.atom_virial or power:
+        if work.atom_virial or work.atom_moment or power:
             w_n6 = smooth.virials_n6()
             if work.atom_virial:
                 per_atom["virial_n6"] = bonds.per_atom.virial_n6 + w_n6
+            if work.atom_moment:
+                moment_n9 = bonds.per_atom.moment_n9.copy()
+                moment_n9[:n] += full(w_n6).reshape(-1, 9)
+                per_atom["moment_n9"] = moment_n9
             if power:
                 totals["power_c"] = bonds.totals.power_c - np.einsum("nij,nj->i", full(w_n6), completed.velocities)
         bonds = replace(bonds, totals=replace(bonds.totals, **totals), per_atom=replace(bonds.per_atom, **per_atom))

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..decomposers.virtual_sites import only_atoms
 from ..frame import Cell
 from .accuracy.random_points import Check, checking_kernel
 from .deposits import Deposits
@@ -401,14 +402,14 @@ def whole_sum(name: str, frame, factors: AtomFactors, bonds: BondPass) -> np.nda
     if name == "box_virial":
         return bonds.totals.virial_cc.reshape(9)
     if name == "atom_virial":
-        return per_atom.virial_n6
+        return only_atoms(frame, per_atom.virial_n6)
     if name in ("atom_moment", "reference_atom_moment"):
-        return per_atom.moment_n9 if name == "atom_moment" else per_atom.reference_moment_n9
+        return only_atoms(frame, per_atom.moment_n9 if name == "atom_moment" else per_atom.reference_moment_n9)
     if name == "atom_volume":
         return node_volumes(frame)
     if name == "box_power":
         return bonds.totals.power_c
     if name == "box_convection":
         return factors["energy_current"].sum(0)
-    kinetic_n6 = factors["kinetic"]
+    kinetic_n6 = only_atoms(frame, factors["kinetic"])
     return kinetic_n6 if name == "atom_kinetic" else kinetic_n6.sum(0)

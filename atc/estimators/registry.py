@@ -855,16 +855,18 @@ class Work:
     reference_point: list[str] = field(default_factory=list)
     squares: list[str] = field(default_factory=list)  # factors whose sums with φ² are wanted too
     attributes: dict[str, list[str]] = field(default_factory=dict)  # frame attribute -> the quantities that need it
+    kernel: bool = True  # whether sums on the grid are taken with one
 
     @classmethod
     def of(
-        cls, names, central: bool = True, parts: bool = False, velocity: str = "local", churnless: bool = False
-    ) -> Work:
+        cls, names, central: bool = True, parts: bool = False, velocity: str = "local", churnless: bool = False,
+        kernel: bool = True,
+    ) -> Work:  # fmt: skip
         """The work behind the quantities called `names` (wholes are expanded). `central`: whether forces act along
         bonds. `parts`: of one species after the other; what is relative to the local velocity is to that of all.
         `velocity`: what thermal motion is relative to, see `settings`. `churnless`: whether M = −S in every bond: it
-        need not be summed up then (`sums.churn_nothing`)."""
-        work = cls(expand(names))
+        need not be summed up then (`sums.churn_nothing`). `kernel`: False on planes, where crossings are counted."""
+        work = cls(expand(names), kernel=kernel)
         for q in work.quantities:
             for have, asked in ((work.site, q.site), (work.whole, q.whole)):
                 have.extend(s for s in asked if s not in have)
@@ -940,7 +942,7 @@ class Work:
 
     @property
     def kernel_users(self) -> list[str]:
-        return [q.name for q in self.quantities if q.kernel]
+        return [q.name for q in self.quantities if q.kernel and self.kernel]
 
     @property
     def horizon_users(self) -> list[str]:

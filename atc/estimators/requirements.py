@@ -28,6 +28,8 @@ def require(frame, settings: Settings, work: Work) -> None:
             )
         require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
         require_fields(frame, settings, work)
+        if settings.pot.sites is not None:
+            require_with_sites(settings, work)
         if not settings.central:
             require_directed(settings.pot, work)
     for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
@@ -56,10 +58,36 @@ def require_directed(pot, work: Work) -> None:
         )
     # Forces across the bonds of a rigid body belong to no energy of an atom, those of a body's bonds to none that is
     # known.
-    if work.source_users and (pot.constraints is not None or not pot.terms):
+    unknown = pot.constraints is not None and (pot.constraints.across or pot.sites is None)
+    if work.source_users and (unknown or not pot.terms):
         raise AtcError(
             f"{', '.join(work.source_users)}: the forces of {pot.describe()} do not act along bonds, and which atom's "
             "energy they belong to is not known: ask for the stress"
+        )
+
+
+def require_with_sites(settings: Settings, work: Work) -> None:
+    """Raise for what is not known where forces act on virtual sites, too."""
+    what = f"virtual sites ({settings.pot.sites.rule.describe()})"
+    if settings.tiles is not None:
+        raise AtcError(f"tiles: not with {what}: a tile does not have all forces on a molecule: leave tiles out")
+    if getattr(settings.grid, "counts_crossings", False):
+        raise AtcError(
+            f"{', '.join(work.bond_users)}: not counted on planes where forces act on {what}, which no atom carries "
+            "across: take a slab profile, or ask for stress_kinetic"
+        )
+    if work.symmetric_users:
+        raise AtcError(
+            f"{', '.join(work.symmetric_users)}: not known of single atoms where forces act on {what}: what hands them "
+            "on is symmetric over a molecule only: ask for stress and virial_stress"
+        )
+    if work.reference_users or work.horizon_users:
+        names = [q.name for q in work.quantities if q.point or any(s.reference for s in q.sources())]
+        raise AtcError(f"{', '.join(names)}: not supported with {what}, which a reference frame does not have")
+    if settings.selection is not None or settings.parts is not None:
+        raise AtcError(
+            f"{'by' if settings.parts is not None else 'select'}: {', '.join(work.bond_users)}: not known of some "
+            f"atoms where forces act on {what}: ask for the kinetic parts, or leave the selection out"
         )
 
 

@@ -31,6 +31,8 @@ class Selection:
 
     ids : (first, last, step) of atom ids, both included; last None: no end
     region : words of LAMMPS's ``region`` in the trajectory's units of length; words : a selection of MDAnalysis
+    groups : names of groups of the script of the potential; members : the ids of their atoms, as `settled` has found
+        them
     invert : all atoms but these. fixed : those that the first frame has, told by their ids in the others
     known : the ids that `settled` has found, or None
     """
@@ -39,11 +41,13 @@ class Selection:
     elements: tuple[str, ...] = ()
     ids: tuple[tuple[int, int | None, int], ...] = ()
     molecules: tuple[int, ...] = ()
+    groups: tuple[str, ...] = ()
     region: str = ""
     words: str = ""
     invert: bool = False
     fixed: bool = False
     known: tuple[int, ...] | None = None
+    members: tuple[int, ...] | None = None
     universe: object = None
 
     def describe(self) -> str:
@@ -59,10 +63,20 @@ class Selection:
         out |= {k: v for k, v in (("region", self.region), ("atoms", self.words)) if v}
         return out | {k: True for k in ("invert", "fixed") if getattr(self, k)}
 
-    def settled(self, first, frames=None) -> Selection:
-        """Ready for the frames of a trajectory that begins with `first`: what is fixed is found there, and MDAnalysis's
-        own names are at hand where it has read them. AtcError for what no frame could satisfy."""
+    def settled(self, first, frames=None, pot=None) -> Selection:
+        """Ready for the frames of a trajectory that begins with `first`: what is fixed is found there, MDAnalysis's own
+        names are at hand where it has read them, and groups are those of the script of `pot`. AtcError for what no
+        frame could satisfy."""
         ready = self
+        if self.groups:
+            setup = None if pot is None else getattr(pot, "setup", None)
+            if setup is None:
+                raise AtcError(
+                    f"{first.source}: select groups: only a LAMMPS script says who is in a group: name it as input of "
+                    "[potential]"
+                )
+            inside = setup.in_groups(self.groups, first)
+            ready = replace(ready, members=tuple(first.ids[inside].tolist()))
         if self.words:
             while frames is not None and not hasattr(frames, "_atoms"):
                 frames = getattr(frames, "base", None)
@@ -70,7 +84,7 @@ class Selection:
                 import MDAnalysis
 
                 with _silent():
-                    ready = replace(self, universe=MDAnalysis.Merge(frames._atoms))
+                    ready = replace(ready, universe=MDAnalysis.Merge(frames._atoms))
         chosen = ready.of(first)
         if not chosen.any():
             raise AtcError(f"{first.source}: select: no atom is {self.describe()}")
@@ -89,6 +103,10 @@ class Selection:
             chosen &= np.isin(names_of(frame, "select elements"), self.elements)
         if self.molecules:
             chosen &= np.isin(_molecules(frame, "select molecules"), self.molecules)
+        if self.groups:
+            if self.members is None:
+                raise AtcError("select groups: who is in a group is found by atc.fields, from the script of the run")
+            chosen &= np.isin(frame.ids, self.members)
         if self.ids:
             if (
                 frame.given.get("ids") == "order"
@@ -138,12 +156,14 @@ def _listed(selection: Selection):
         ("elements", selection.elements),
         ("ids", spans),
         ("molecules", selection.molecules),
+        ("groups", selection.groups),
     )
 
 
 def select(
-    atoms=None, *, types=None, elements=None, ids=None, molecules=None, region=None, invert=False, fixed=False
-) -> Selection:
+    atoms=None, *, types=None, elements=None, ids=None, molecules=None, groups=None, region=None, invert=False,
+    fixed=False,
+) -> Selection:  # fmt: skip
     """Some of the atoms, for ``atc.fields(..., select=...)``: those of which everything said is true.
 
     Parameters
@@ -151,8 +171,9 @@ def select(
     atoms : str
         A selection of MDAnalysis, e.g. ``"type 1 2"``, ``"name OW and prop z < 20"``, ``"around 5 type 2"``; of the
         Universe where the trajectory is one, else with the types (names, if the source has them), ids, molecules
-        (``resid``), masses and charges of the frames
+        (``resid``), masses and charges of the frames. ``"group:wall"``: short for ``groups="wall"``
     types : ints. elements : chemical symbols or names that the source gives the types. molecules : ints
+    groups : names of groups of the LAMMPS script that the potential comes from; atoms of several are in all of them
     ids : ints, or spans ``"1:100"``, ``"200:"``, ``"1:100:2"``: first, last (included) and step
     region : str
         Words of a LAMMPS ``region`` without its name: ``"block 0 10 INF INF 0 5"``, ``"sphere 20 20 20 8"``,
@@ -168,18 +189,23 @@ def select(
         return atoms
     if atoms is not None and not (isinstance(atoms, str) and atoms.strip()):
         raise AtcError(f'select: atoms {atoms!r}: expected words of MDAnalysis, e.g. "type 1 2"')
+    if atoms is not None and atoms.strip().startswith("group:"):
+        if groups is not None:
+            raise AtcError(f"select: atoms {atoms!r} and groups: say groups once")
+        atoms, groups = None, [w.strip() for w in atoms.strip().removeprefix("group:").split(",")]
     made = Selection(
         types=_numbers("types", types),
         elements=_words("elements", elements),
         ids=_spans(ids),
         molecules=_numbers("molecules", molecules),
+        groups=_words("groups", groups),
         region="" if region is None else _region_words(region),
         words=(atoms or "").strip(),
         invert=bool(invert),
         fixed=bool(fixed),
     )
-    if not (made.types or made.elements or made.ids or made.molecules or made.region or made.words):
-        raise AtcError("select: say which atoms: types, elements, ids, molecules, region or MDAnalysis's words")
+    if not (made.types or made.elements or made.ids or made.molecules or made.groups or made.region or made.words):
+        raise AtcError("select: say which atoms: types, elements, ids, molecules, groups, region or MDAnalysis's words")
     return made
 
 
@@ -191,7 +217,7 @@ def selection(given) -> Selection | None:
         try:
             return select(**given)
         except TypeError:
-            known = "atoms, types, elements, ids, molecules, region, invert, fixed"
+            known = "atoms, types, elements, ids, molecules, groups, region, invert, fixed"
             raise AtcError(f"select {given!r}: expected some of {known}") from None
     if isinstance(given, str):
         return select(given)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..decomposers.virtual_sites import atoms_of
 from ..errors import AtcError
 from . import columns
 from .tensors import outer6
@@ -49,6 +50,11 @@ class AtomFactors:
         self._kept: dict[str, np.ndarray] = {}
 
     @property
+    def atoms(self):
+        """The frame without virtual sites, which have energies and no numbers of their own."""
+        return atoms_of(self.frame)
+
+    @property
     def peculiar_nc(self) -> np.ndarray:
         """Velocities relative to the frame's drift."""
         if "peculiar" not in self._kept:
@@ -58,7 +64,9 @@ class AtomFactors:
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._kept:
             inner = name.removeprefix("all_")
-            a_nk = columns.factor(self.frame, name) if columns.is_column(name) else getattr(self, f"_{inner}")()
+            a_nk = columns.factor(self.atoms, name) if columns.is_column(name) else getattr(self, f"_{inner}")()
+            if len(a_nk) < len(self.frame):
+                a_nk = self.frame.padded(a_nk)
             if self.chosen is not None:
                 of = self.chosen.own_n if inner == name else self.chosen.chosen_n
                 a_nk = np.where(of[:, None], a_nk, 0.0)
@@ -82,13 +90,14 @@ class AtomFactors:
         return np.ascontiguousarray(np.concatenate([self[name] for name in names], axis=1))
 
     def _one(self):
-        return np.ones((len(self.frame), 1))
+        return np.ones((len(self.atoms), 1))
 
     def _degrees(self):
         constraints = None if self.pot is None else self.pot.constraints
         if constraints is None:
-            return self._one()
-        return constraints.degrees(self.pot.complete(self.frame))[:, None] / self.frame.dimension
+            inside = self.pot is not None and self.pot.sites is not None
+            return (self.atoms.masses > 0.0)[:, None].astype(float) if inside else self._one()
+        return constraints.degrees(self.pot.complete(self.atoms))[:, None] / self.frame.dimension
 
     def _mass(self):
         return self.frame.masses[:, None].copy()
@@ -122,7 +131,7 @@ class AtomFactors:
         return (self["kinetic_energy"] + self.per_atom.energies_n[:, None]) * self.frame.velocities
 
     def _outside_force(self):
-        return self.pot.body_forces(self.frame, self.per_atom.forces_nc)[0]
+        return self.pot.body_forces(self.atoms, self.per_atom.forces_nc[: len(self.atoms)])[0]
 
     def _outside_power(self):
         return np.einsum("nc,nc->n", self["outside_force"], self.frame.velocities)[:, None]

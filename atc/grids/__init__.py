@@ -16,6 +16,8 @@ import numpy as np
 from ..errors import AtcError
 from ..frame import Cell
 
+#: What grids may move with: the centre of mass, or the interface on one side of the denser phase.
+FOLLOWS = ("mass", "+x", "-x", "+y", "-y", "+z", "-z")
 _AXES = {"x": 0, "y": 1, "z": 2, "a": 0, "b": 1, "c": 2, 0: 0, 1: 1, 2: 2}
 
 
@@ -144,8 +146,8 @@ def _same(a: dict, b: dict) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where fields are wanted; made by `regular`, `plane`, `line`, `slab`, `points`, `cylindrical`, `spherical` or
-    `atoms`. Lengths in the user's units.
+    """Where fields are wanted; made by `regular`, `plane`, `line`, `slab`, `planes`, `points`, `cylindrical`,
+    `spherical` or `atoms`. Lengths in the user's units.
 
     Points of regular grids and planes lie at the cell centres (i + ½)/n of their edges, or at the corners i/n.
     """
@@ -282,16 +284,50 @@ class Grid:
         return cls("line", {"start": start, "end": end, "n": n})
 
     @classmethod
-    def slab(cls, axis, bins, padding=None) -> Grid:
+    def slab(cls, axis, bins, padding=None, means=False) -> Grid:
         """A profile along a cell axis: at each bin centre the average of the field over the cell's cross-section.
 
         The distance is measured along the normal of the faces (for an orthogonal cell the axis itself). The average is
         over the plane through the bin's centre: the kernel is integrated in closed form, no three-dimensional grid is
         used. Where a side face is open, kernels are not cut off at it. `padding` (a length, or "auto" for the reach of
-        the kernel): how far the bins reach beyond the open faces at the ends.
+        the kernel): how far the bins reach beyond the open faces at the ends. `means`: over the width of each bin in
+        place of the plane through its centre, exactly: the sum over bins times their width is the whole, however wide
+        they are.
         """
         (bins,) = _counts("number of bins", bins, 1)
-        return cls("slab", {"axis": _axis(axis), "bins": bins, **_padding(padding)})
+        if not isinstance(means, bool):
+            raise AtcError(f"slab means {means!r}: expected true (over the width of bins) or false (at their centres)")
+        return cls(
+            "slab", {"axis": _axis(axis), "bins": bins, **_padding(padding), **({"means": True} if means else {})}
+        )
+
+    @classmethod
+    def planes(cls, axis, positions=None, *, n=None, at="centers", patches=None, interval=None) -> Grid:
+        """Planes across the cell, through which momentum and energy flow: the method of planes. No kernel: each bond
+        acts through the planes that it crosses, each atom carries what it has through those that it passes.
+
+        Parameters
+        ----------
+        axis : "x", "y" or "z", the edge of the cell that leaves the faces that the planes are parallel to
+        positions : lengths, ascending
+            Coordinates along the axis; in a tilted cell distances from its lower face along the normal.
+        n, at : how many instead, evenly over each frame's cell: "centers" at (k + ½)/n of it, "corners" at k/n
+        patches : two ints
+            Cut each plane into so many parallelograms along the two other edges: stress and fluxes of each.
+        interval : time, or "frames"
+            Over which passages of atoms are counted: back from each frame along its velocities (as velocity Verlet
+            went, where the frame has forces), or really from the frame before to this one. Default: the time step of
+            the run's script.
+
+        Raises
+        ------
+        AtcError
+            For positions that do not ascend, or both positions and n.
+        """
+        from .planes import checked
+
+        given = {"positions": positions, "n": n, "patches": patches, "interval": interval, "shift": _at(at)}
+        return cls("planes", checked(axis=_axis(axis), **given, numbers=_numbers, counts=_counts))
 
     @classmethod
     def points(cls, xyz) -> Grid:
@@ -350,17 +386,28 @@ class Grid:
         return cls(kind, checked(kind, **given, numbers=_numbers, counts=_counts))
 
     def following(self, what="mass") -> Grid:
-        """The same grid, moving with the centre of mass of the atoms (of those selected) since the first frame; along
-        axes of the cell that they do not fill."""
-        if what != "mass":
-            raise AtcError(f'grid follow {what!r}: expected "mass"')
+        """The same grid, moving since the first frame with the atoms, or with those selected.
+
+        what : "mass", their centre of mass, along axes of the cell that they do not fill; "+z", "-z", "+x", ...: the
+            interface on this side of the denser of two phases (Gibbs' dividing surface), along this axis
+        """
+        if what not in FOLLOWS:
+            known = ", ".join(f'"{w}"' for w in FOLLOWS)
+            raise AtcError(f"grid follow {what!r}: expected {known}")
         if self.kind == "atoms":
             raise AtcError("a grid of atoms moves with each of them: leave follow out")
+        if self.kind == "planes":
+            raise AtcError("what flows through planes is known of planes at rest: leave follow out, or take a slab")
         return Grid(self.kind, {**self._, "follow": what})
 
     @property
     def follows_mass(self) -> bool:
-        return self._.get("follow") is not None
+        return self.follows is not None
+
+    @property
+    def follows(self) -> str | None:
+        """What the grid moves with, of `FOLLOWS`."""
+        return self._.get("follow")
 
     @property
     def local_axes(self) -> tuple[str, ...]:
@@ -377,6 +424,8 @@ class Grid:
     @property
     def follows_cell(self) -> bool:
         """Whether the positions of the points depend on the frame's cell."""
+        if self.kind == "planes":
+            return self._["positions"] is None
         return self.kind == "slab" or (
             self.kind in ("regular", "plane") and self._.get("cell", self._.get("u")) is None
         )
@@ -395,12 +444,23 @@ class Grid:
     def follows_atoms(self) -> bool:
         return self.kind == "atoms"
 
+    @property
+    def bin_means(self) -> bool:
+        """Whether values are means over the width of bins."""
+        return "means" in self._
+
+    @property
+    def counts_crossings(self) -> bool:
+        """Whether it is planes, on which sums are counted that need no kernel."""
+        return self.kind == "planes"
+
     def describe(self) -> str:
         """One line for reports."""
         p = self._
         if self.follows_mass:
             fixed = Grid(self.kind, {k: v for k, v in p.items() if k != "follow"})
-            return fixed.describe() + ", moving with the centre of mass"
+            what = "centre of mass" if p["follow"] == "mass" else f"interface on the {p['follow']} side"
+            return f"{fixed.describe()}, moving with the {what}"
         how = (
             f"{' x '.join(str(abs(n)) for n in p['shape'] if n)} points"
             if p.get("shape")
@@ -421,10 +481,14 @@ class Grid:
             return (
                 f"{self.kind},{inner} to radius {p['radius']:g}, {how}, components along {', '.join(self.local_axes)}"
             )
+        if self.kind == "planes":
+            from .planes import described
+
+            return described(p)
         if self.kind == "line":
             return f"line, {p['n']} points"
         if self.kind == "slab":
-            return f"slab profile along {'xyz'[p['axis']]}, {p['bins']} bins"
+            return f"slab profile along {'xyz'[p['axis']]}, {p['bins']} bins" + ", means over them" * ("means" in p)
         return f"{len(p['xyz'])} points" if self.kind == "points" else "the atoms"
 
     def _repr_html_(self):
@@ -463,6 +527,8 @@ class Grid:
             raise AtcError(f"a {self.kind} grid is one of three dimensions: take points in a two-dimensional run")
         elif self.kind == "slab" and p["axis"] == 2:
             raise AtcError("a slab profile along axis z: a two-dimensional run has no extent there: take x or y")
+        elif self.kind == "planes" and (p["axis"] == 2 or p["patches"]):
+            raise AtcError("planes in a two-dimensional run are lines: take x or y as axis, and no patches")
         elif self.kind == "plane" and p["axis"] in (0, 1):
             raise AtcError(
                 f"a plane normal to axis {'xyz'[p['axis']]}: in two dimensions that is a line: use a line or a slab "
@@ -500,6 +566,13 @@ class Grid:
             bound = BoundGrid(self.kind, cell, self.local_axes, xyz=np.ascontiguousarray(xyz), counts=p["shape"])
             bound.basis_gcc, bound.along = basis, values
             return bound
+        if self.kind == "planes":
+            from .planes import bound as planes_in
+
+            found = planes_in(p, cell, f)
+            planes = BoundGrid("planes", cell, found["dims"], xyz=found["xyz"], counts=found["counts"], axis=p["axis"])
+            planes.along, planes.shares_p = found["along"], found["shares_p"]
+            return planes
         own, cell = cell, self._padded(cell, f)
         if self.kind == "line":
             n = p["n"]
@@ -519,6 +592,7 @@ class Grid:
             n, a = p["bins"], p["axis"]  # deposited in the padded cell, whose cross-section is the same
             step = cell.vectors[a] / n
             bound = BoundGrid("slab", cell, ("xyz"[a],), origin=0.5 * step, steps=step[None], counts=(n,), axis=a)
+            bound.means = "means" in p
             bound.padding = float((own.origin - cell.origin) @ cell.inverse[:, a] * cell.heights[a])
             return bound
         if self.kind == "plane":
@@ -631,23 +705,27 @@ class BoundGrid:
 
     Attributes
     ----------
-    kind : "regular", "plane", "line", "slab", "points" or "atoms"
+    kind : "regular", "plane", "line", "slab", "planes", "cylindrical", "spherical", "points" or "atoms"
     cell : Cell
     dims : names of the axes, as in the output
     shape : numbers of points along them
     origin, steps, counts : lattices only. Point (i, j, ..) is at cell.origin + origin + (i, j, ..) @ steps.
         The origin is relative to the cell's, so that nothing is lost in a box far from 0.
-    axis : slabs only: the cell axis
+    axis : slabs and planes only: the cell axis
     shift : ½ where points are at cell centres, 0 at corners
     padding : slabs only: how far the bins reach beyond the frame's cell, out of `cell`
     """
 
     padding = 0.0
+    #: of slabs: whether values are means over the width of bins
+    means = False
     #: of curved grids: (g, 3, 3) local axes as rows, and {dimension: values along it} (angles in degrees)
     basis_gcc: np.ndarray | None = None
     #: (3,) how far it has moved with the atoms since the first frame
     moved_c: np.ndarray | None = None
     along: dict | None = None
+    #: of planes: (p,) where they are, as shares of the cell's edge
+    shares_p: np.ndarray | None = None
 
     def __init__(self, kind, cell, dims, *, xyz=None, origin=None, steps=None, counts=None, axis=None, shift=0.5):
         self.kind, self.cell, self.dims, self.axis, self.shift = kind, cell, dims, axis, shift
@@ -762,10 +840,15 @@ class BoundGrid:
                 "theta": "angle from the axis",
                 "z": "along the axis",
             }
+            if self.kind == "planes":
+                names = dict.fromkeys(self.dims, "along the cell's edge, middle of the patch")
+                names[self.dims[0]] = "position of the plane"
             for name, values in self.along.items():
                 angle = name in ("phi", "theta")
                 about = {**({"units": "degree"} if angle else label), "long_name": names[name]}
                 out[name] = ((name,), values if angle else to_user(values), about)
+            if self.kind == "planes":
+                return out
         if self.kind == "line":
             distance = np.arange(self.counts[0]) * np.linalg.norm(self.steps[0])
             out["s"] = (("s",), to_user(distance), {**label, "long_name": "distance from the start of the line"})

@@ -96,6 +96,13 @@ class Profile(Protocol):
     def cumulative(self, z) -> np.ndarray:
         """∫ φ₁ from −∞ to z"""
 
+    @property
+    def bin_pieces(self) -> tuple[np.ndarray, np.ndarray]:
+        """The pieces as the compiled integrals take them: of means over bins."""
+
+    def second(self, z) -> np.ndarray:
+        """∫₀^z ∫₀^z φ₁: what means over bins are made of."""
+
     def beta(self, d, r) -> np.ndarray:
         """The mean of φ₁(d − t r) over t in [0, 1], for numbers d = z_i − z and r."""
 

@@ -52,6 +52,10 @@ class Box(Edged):
     def grad_phi(self, d):
         return np.zeros_like(np.asarray(d, float))
 
+    def hat(self, k):
+        k = np.asarray(k, float)[..., : self.dimension]
+        return np.sinc(k * self.size / (2.0 * np.pi)).prod(-1)
+
     def beta(self, d, r):
         d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
         lo, hi = np.zeros(d.shape[:-1]), np.ones(d.shape[:-1])

@@ -25,7 +25,9 @@ class DiscMarginal(Marginal):
 
     With q = √(R² − z²) half the chord, I_k = ∫ρ^k du over it follows from I_k = [2 q R^k + k z² I_{k−2}]/(k + 1),
     I_{−1} = 2 asinh(q/|z|), I_0 = 2q; and the integral over the strip from 0 to z, by the divergence theorem (∇·(x ρ^k)
-    = (k + 2) ρ^k), is A_k = [z I_k + 2 R^{k+2} arcsin(z/R)]/(k + 2).
+    = (k + 2) ρ^k), is A_k = [z I_k + 2 R^{k+2} arcsin(z/R)]/(k + 2). Of means over bins is ∫₀^z A_k, with ∫ arcsin z =
+    z arcsin z + q − 1 (R = 1) and, from dI_{k+2}/dz = (k + 2) z I_k − 2z/q, ∫₀^z z I_k = [I_{k+2} − 2/(k + 3) +
+    2 (1 − q)]/(k + 2).
     """
 
     def __init__(self, radii, coef_mk):
@@ -72,6 +74,19 @@ class DiscMarginal(Marginal):
             total += R**2 * (_strips(u) @ c)
         return 0.5 + np.sign(z) * total
 
+    @property
+    def bin_pieces(self):
+        return self.pieces
+
+    def second(self, z):
+        z = np.abs(np.asarray(z, float))
+        total = np.zeros_like(z)
+        for R, c in zip(self.radii, self.coef_mk):
+            for k in range(5):
+                total += R**3 * c[k] * _strip_integral(np.minimum(z / R, 1.0), k)
+            total += np.maximum(z - R, 0.0) * R**2 * float(_strips(np.ones(1))[0] @ c)
+        return total
+
     def beta(self, d, r):
         d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
         total = np.zeros(d.shape)
@@ -105,6 +120,16 @@ def _chord_means(u):
 def _strips(u):
     """(..., 5) ∫ ρ^k over the part of the unit disc between its middle line and the chord at 0 ≤ u ≤ 1."""
     return (u[..., None] * _chord_means(u) + 2.0 * np.arcsin(u)[..., None]) / (np.arange(5) + 2.0)
+
+
+def _strip_integral(u, k):
+    """∫₀^u of `_strips`, of ρ^k."""
+    q = np.sqrt(np.maximum((1.0 - u) * (1.0 + u), 0.0))
+    I = _chord_means(u)
+    u2 = u * u
+    after = I[..., k + 2] if k < 3 else (2.0 * q + (k + 2.0) * u2 * I[..., k]) / (k + 3.0)
+    moment = (after - 2.0 / (k + 3.0) + 2.0 * (1.0 - q)) / (k + 2.0)
+    return (moment + 2.0 * (u * np.arcsin(u) + q - 1.0)) / (k + 2.0)
 
 
 def _short_mean(d, r, c):
@@ -211,4 +236,32 @@ def _mean(z, r, radii_m, coef_mk, k):
     return total
 
 
-_COMPILED = CompiledProfile("disc", reciprocals, _mean)
+@njit(**JIT_FMA)
+def _integral(z, m, radii_m, coef_mk):
+    return radii_m[m] * radii_m[m] * _strip(z / radii_m[m], coef_mk, m)
+
+
+@njit(**JIT_FMA)
+def _second(z, m, radii_m, coef_mk):
+    """∫₀^z of that; see `DiscMarginal`."""
+    R = radii_m[m]
+    v = min(abs(z) / R, 1.0)
+    q = sqrt((1.0 - v) * (1.0 + v))
+    v2 = v * v
+    across = 2.0 * (v * asin(v) + q - 1.0)
+    even = 2.0 * q
+    odd = q + v2 * asinh(q / v) if v > 0.0 else q
+    total = 0.0
+    for k in range(5):
+        # I_k, then I_{k+2}
+        after = (2.0 * q + (k + 2.0) * v2 * (even if k % 2 == 0 else odd)) / (k + 3.0)
+        if k % 2 == 0:
+            even = after
+        else:
+            odd = after
+        moment = (after - 2.0 / (k + 3.0) + 2.0 * (1.0 - q)) / (k + 2.0)
+        total += coef_mk[m, k] * (moment + across) / (k + 2.0)
+    return R * R * R * total + max(abs(z) - R, 0.0) * R * R * _strip(1.0, coef_mk, m)
+
+
+_COMPILED = CompiledProfile("disc", reciprocals, _mean, _integral, _second)

@@ -4,7 +4,7 @@ functions along it."""
 from __future__ import annotations
 
 from functools import cached_property
-from math import erf, exp, factorial, log, pi, sqrt
+from math import erf, exp, expm1, factorial, log, pi, sqrt
 
 import numpy as np
 
@@ -159,6 +159,16 @@ class GaussianMarginal(Marginal):
         from scipy.special import erf
 
         return 0.5 * (1.0 + erf(np.asarray(z, float) / (sqrt(2.0) * self.width)))
+
+    @property
+    def bin_pieces(self):
+        return self.pieces
+
+    def second(self, z):
+        z = np.asarray(z, float)
+        return z * (self.cumulative(z) - 0.5) + self.width**2 * self.normalisation * np.expm1(
+            -0.5 * (z / self.width) ** 2
+        )
 
     def beta(self, d, r):
         d, r = np.broadcast_arrays(np.asarray(d, float), np.asarray(r, float))
@@ -397,4 +407,18 @@ def _value(d0, d1, d2, r2, radii, coef, g):
 
 
 _COMPILED = Compiled("gaussian", _constants, _beta, _pairs, _value, series=_series, seconds=5e-9)
-_PROFILE = CompiledProfile("gaussian", _mean_constants, _mean)
+
+
+@njit(**JIT_FMA)
+def _integral(z, m, radii_m, coef_mk):
+    """∫₀^z c0 exp(−z²/2 c1²)."""
+    return 0.5 * erf(z / (sqrt(2.0) * coef_mk[m, 1]))
+
+
+@njit(**JIT_FMA)
+def _second(z, m, radii_m, coef_mk):
+    w = coef_mk[m, 1]
+    return z * _integral(z, m, radii_m, coef_mk) + w * w * coef_mk[m, 0] * expm1(-0.5 * (z / w) ** 2)
+
+
+_PROFILE = CompiledProfile("gaussian", _mean_constants, _mean, _integral, _second)

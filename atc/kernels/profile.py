@@ -29,11 +29,15 @@ class CompiledProfile:
     name : of the loop's copy
     constants : (r, R_m, c_mk, k), once a bond: fills the array k
     mean : (z, r, R_m, c_mk, k) -> vec4, the mean of φ₁(z − t r) over t in [0, 1] for four z
+    integral, second : (z, m, R_m, c_mk) -> I(z) = ∫₀^z φ₁ and ∫₀^z I of piece m alone, for one z; what means over bins
+        are made of (see `binned`)
     """
 
     name: str
     constants: Callable
     mean: Callable
+    integral: Callable | None = None
+    second: Callable | None = None
 
 
 @njit(**JIT_FMA)
@@ -110,6 +114,30 @@ def _half_open(z, r, radii_m, coef_mk, k):
     return load4(k, SCRATCH)
 
 
+# Of `Marginal.bin_pieces`: powers, where I begins, its value from R on, and 1/R.
+_POWERS, _FIRST, _TAIL, _INVERSE = 7, 7, 14, 15
+
+
+@njit(**JIT_FMA)
+def _integral(z, m, radii_m, coef_mk):
+    """∫₀^z Σ c_k (|z|/R)^k = v Σ [R c_k/(k + 1)] v^k, v = |z|/R, constant beyond v = 1."""
+    v = min(abs(z) * coef_mk[m, _INVERSE], 1.0)
+    total = 0.0
+    for k in range(_POWERS - 1, -1, -1):
+        total = total * v + coef_mk[m, _FIRST + k]
+    return total * v if z >= 0.0 else -total * v
+
+
+@njit(**JIT_FMA)
+def _second(z, m, radii_m, coef_mk):
+    """∫₀^z of that: v² Σ [R² c_k/((k + 1)(k + 2))] v^k, beyond v = 1 along its tangent."""
+    v = min(abs(z) * coef_mk[m, _INVERSE], 1.0)
+    total = 0.0
+    for k in range(_POWERS - 1, -1, -1):
+        total = total * v + coef_mk[m, k]
+    return total * v * v + max(abs(z) - radii_m[m], 0.0) * coef_mk[m, _TAIL]
+
+
 class Marginal:
     """φ₁(z) = Σ_m Σ_k c_mk (|z|/R_m)^k, each m only for |z| < R_m: a kernel integrated over the planes normal to z; ∫φ₁
     dz = 1."""
@@ -127,6 +155,15 @@ class Marginal:
     def pieces(self):
         order = np.argsort(-self.radii)
         return self.radii[order], np.ascontiguousarray(self.coef_mk[order])
+
+    @property
+    def bin_pieces(self):
+        """What `integral` and `second` of the compiled functions take."""
+        radii, coef = self.pieces
+        R, k = radii[:, None], np.arange(_POWERS)
+        first = R * coef / (k + 1.0)
+        second = R * first / (k + 2.0)
+        return radii, np.concatenate([second, first, first.sum(1, keepdims=True), 1.0 / R], axis=1)
 
     @property
     def support(self) -> float:
@@ -148,6 +185,17 @@ class Marginal:
             u = np.minimum(np.abs(z) / R, 1.0)
             total += R * u * np.polynomial.polynomial.polyval(u, c / (np.arange(7) + 1.0))
         return 0.5 + np.sign(z) * total
+
+    def second(self, z):
+        """∫₀^z (∫₀^z φ₁): even, and |z|/2 less a constant far out."""
+        z = np.abs(np.asarray(z, float))
+        total = np.zeros_like(z)
+        k = np.arange(7)
+        for R, c in zip(self.radii, self.coef_mk):
+            u = np.minimum(z / R, 1.0)
+            total += R * R * u * u * np.polynomial.polynomial.polyval(u, c / ((k + 1.0) * (k + 2.0)))
+            total += np.maximum(z - R, 0.0) * R * (c / (k + 1.0)).sum()
+        return total
 
     def slope(self, z):
         """dφ₁/dz."""
@@ -178,5 +226,5 @@ class Marginal:
         return np.where(at_rest, self.phi(d), total) if self.half_open else total
 
 
-_POLYNOMIAL = CompiledProfile("polynomial", reciprocals, _polynomial)
-_HALF_OPEN = CompiledProfile("box", reciprocals, _half_open)
+_POLYNOMIAL = CompiledProfile("polynomial", reciprocals, _polynomial, _integral, _second)
+_HALF_OPEN = CompiledProfile("box", reciprocals, _half_open, _integral, _second)

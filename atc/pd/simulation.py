@@ -67,6 +67,8 @@ class Simulation:
     dt : time step; None takes `safety` times the stable step
     state : a `State` to go on from (bitwise); or `velocities`, `displacements` : (n, 3) or (3,) to start with
     strain : (3, 3) displacement gradient H of a periodic body: nodes start at u = H X and images are moved by H too
+    temperature : how far the temperature has risen from that of the reference, a number or (n,): bodies of LPS or
+        Elastic with `expansion` are at rest expanded; `heat` changes it between steps or equilibria
     threads : 0 is all cores. Results do not depend on it.
     lammps_compat : reproduce LAMMPS's faults (extensions below 2.2e-16 are none, the weighted volume of periodic LPS
         bodies without images, its
@@ -94,6 +96,7 @@ class Simulation:
         velocities=None,
         displacements=None,
         strain=None,
+        temperature=None,
         threads=0,
         lammps_compat=False,
     ):
@@ -167,6 +170,8 @@ class Simulation:
             self.strained = bool(strain.any())
             if self.contact is not None:
                 self.contact.strain = strain
+        if temperature is not None:
+            self._warm(temperature)
         state = State.rest(body) if fresh else state.copy()
         if strain is not None and fresh:
             state.u_nc[:] = body.X_nc @ strain.T
@@ -244,6 +249,21 @@ class Simulation:
     def strain_energy_n(self) -> np.ndarray:
         """(n,) strain energy of each node."""
         return self.model.energy_n(self._z, self.state.intact_b)
+
+    def heat(self, temperature) -> None:
+        """The temperature has risen by this much, a number or (n,), from that of the reference; the forces are those of
+        now. What strain energy that brings is heat's, and stands in no ledger."""
+        self._warm(temperature)
+        self._contact_energy, self._rigid_energy = self._all_forces(damage=False)
+
+    def _warm(self, temperature):
+        rise = np.asarray(temperature, float)
+        if rise.shape not in ((), (len(self.body),)) or not np.isfinite(rise).all():
+            raise AtcError(
+                f"temperature must be a finite number, or one for each of the {len(self.body)} nodes, got shape "
+                f"{rise.shape}"
+            )
+        self.model.heat(np.broadcast_to(rise, (len(self.body),)))
 
     # ---- forces
 

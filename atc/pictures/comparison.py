@@ -7,8 +7,8 @@ import numpy as np
 
 from ..errors import AtcError
 from .components import SYMBOL, component
-from .drawing import STYLE, colours, draw_map, figure
-from .geometry import cut, unit_text
+from .drawing import STYLE, colours, draw_map, figure, titled
+from .geometry import PROFILES, cut, unit_text
 from .symbols import symbol
 
 
@@ -70,7 +70,7 @@ def _against(Figure, result):
         r for r in result.rows if r["section"].startswith("box average")
     ]
     maps, where = [], ""
-    if "difference" in data and place.kind != "slab" and place.kind != "line":
+    if "difference" in data and place.kind not in PROFILES:
         selection = {}
         if place.kind == "volume":
             place, selection, where = cut(place)
@@ -92,7 +92,7 @@ def _against(Figure, result):
     columns = max(3, sum(c == maps[0][1] for _, c in maps)) if maps else 3
     curves = bool(boxes) + len(axes)
     blank = -curves % columns if maps else 0
-    fig, axs = figure(Figure, panels + blank, 3.9, 3.1, columns)
+    fig, axs = figure(Figure, panels + blank, 3.9, 2.9, columns)
     axs = list(axs.flat)
     for ax in axs[curves : curves + blank]:
         ax.remove()
@@ -124,13 +124,14 @@ def _against(Figure, result):
             if c == "zz" and result.dimension == 2:
                 continue
             h, v = (component(data[f"profile_{dim}_{w}"].values, c, result.dimension) for w in ("hardy", "virial"))
-            ax.plot(x.values, h, color=colour, label=SYMBOL.get(c, c))
+            ax.plot(x.values, h, color=colour, label=symbol("stress", c))
             ax.plot(x.values, v, color=colour, ls=(0, (3, 2)), lw=1.0)
             if f"profile_{dim}_column" in data:
                 own = component(data[f"profile_{dim}_column"].values, c, result.dimension)
                 ax.plot(x.values, own, color=colour, ls=":", lw=1.6)
         ax.set_xlabel(x.attrs.get("label", dim))
-        ax.set_title(f"mean over the other axes{units}" if len(axes) > 1 else f"profile{units}")
+        ax.set_ylabel(f"stress{units}")
+        ax.set_title("mean over the other axes" if len(axes) > 1 else "profile")
         ax.set_xlim(x.values.min(), x.values.max())
         lines = ax.get_legend_handles_labels()
     for ax in fig.axes:
@@ -159,5 +160,5 @@ def _against(Figure, result):
         own = f", dotted: {result.attrs['column']} of the run" if "column" in result.attrs else ""
         said = f"profiles: full Hardy, dashed smoothed virial{own}"
         fig.legend(*lines, loc="outside lower center", ncols=5, title=said, title_fontsize=8)
-    fig.suptitle(result.title, fontsize=9)
+    titled(fig, result.title.replace("angstrom", "Å"))
     return fig

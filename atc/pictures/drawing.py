@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..unit_words import converted, wanted_units
 from .geometry import unit_text
 from .symbols import label
 
@@ -44,7 +45,7 @@ def at_frame(ds, name, frame):
     try:
         k = int(frame)
     except ValueError:
-        raise AtcError(f"frame {frame!r}: expected a number counted from 0 (-1 is the last) or mean") from None
+        raise AtcError(f"frame {frame!r}: expected a number counted from 0 (-1 is the last), mean or all") from None
     if not -n <= k < n:
         raise AtcError(f"frame {k}: the output has {n} frame{'s' * (n != 1)}, numbered 0 to {n - 1}")
     return da.isel(frame=k), _frame_text(ds, k)
@@ -75,7 +76,10 @@ def kernel_title(ds, unit=unit_text) -> str:
         return ""
     text = f"{str(kernel).partition(',')[0]} kernel"
     if isinstance(radius, (int, float, np.number)):
-        text += f", R = {float(radius):.4g} {unit(ds.attrs.get('radius_units', ''))}".rstrip()
+        factor, have = 1.0, str(ds.attrs.get("radius_units", ""))
+        if "output_units" in ds.attrs:
+            factor, have = converted(have, wanted_units(ds.attrs["output_units"]))
+        text += f", R = {factor * float(radius):.4g} {unit(have)}".rstrip()
     return text
 
 
@@ -173,10 +177,32 @@ def draw_map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
     ax.set_xlabel(labels[0])
     ax.set_ylabel(labels[1])
     ax.set_title(title)
-    where = {"location": "bottom", "shrink": 0.8, "aspect": 40} if wide else {"fraction": 0.046, "pad": 0.02}
-    bar = fig.colorbar(drawn, ax=ax, extend=extend, **where)
+    # as high as the map, whose height follows from its aspect
+    where = {"ax": ax, "location": "bottom", "shrink": 0.8, "aspect": 40} if wide else {
+        "cax": ax.inset_axes([1.03, 0.0, 0.045, 1.0])}  # fmt: skip
+    bar = fig.colorbar(drawn, extend=extend, **where)
     bar.outline.set_linewidth(0.6)
     return drawn
+
+
+def titled(fig, text: str, size: float = 9) -> None:
+    """A title over everything, in as many lines as it takes, with room for them."""
+    lines = wrapped(fig, text, size)
+    fig.suptitle(lines, fontsize=size)
+    width, height = fig.get_size_inches()
+    fig.set_size_inches(width, height + 1.35 * size / 72 * lines.count("\n"))
+
+
+def fitted(fig):
+    """The figure, large enough for all that is drawn: maps of equal aspect leave labels too little room otherwise."""
+    for _ in range(3):
+        fig.draw_without_rendering()
+        box, size = fig.get_tightbbox(), fig.get_size_inches()
+        over = np.maximum(-box.min, 0.0) + np.maximum(box.max - size, 0.0)
+        if over.max() < 0.02:
+            break
+        fig.set_size_inches(*(size + over + 0.02))
+    return fig
 
 
 def picture_kind(path) -> str:
@@ -206,7 +232,7 @@ def save(fig, path) -> Path:
 
     try:
         with mpl.rc_context(STYLE):
-            fig.savefig(part, format=kind, metadata=meta)
+            fitted(fig).savefig(part, format=kind, metadata=meta)
         os.replace(part, path)
     except OSError as e:
         raise AtcError(f"{path}: cannot be written: {e.strerror or e}") from None

@@ -23,6 +23,8 @@ _TEX = {
 
 #: How the name of a field's standard error ends.
 STDERR = "_stderr"
+#: Kinds of places that are drawn as curves.
+PROFILES = ("line", "slab", "planes")
 
 
 def unit_text(units: str) -> str:
@@ -57,7 +59,7 @@ class Places:
 
     Attributes
     ----------
-    kind : ``volume``, ``plane``, ``line``, ``slab``, ``points`` or ``atoms``
+    kind : ``volume``, ``plane``, ``line``, ``slab``, ``planes``, ``points`` or ``atoms``
     dims : the grid's dimensions, in the order of `x_gc`
     x_gc : (*shape, 3) the points
     steps : (dims, 3) from one point to the next
@@ -71,7 +73,7 @@ class Places:
         self.edges = edges
         self.steps = steps
         self.thickness = np.inf
-        if self.steps is None and kind in ("volume", "plane", "line", "slab"):
+        if self.steps is None and kind in ("volume", "plane", *PROFILES):
             self.steps = np.array([self._step(k) for k in range(len(self.dims))])
 
     def _step(self, k):
@@ -225,6 +227,26 @@ def over_angles(ds):
     return out.mean([d for d in others if d in out.dims], skipna=True, keep_attrs=True)
 
 
+def over_axes(ds, axes: str):
+    """Of an output on a grid along x, y, z (or u, v) the means over some of its axes, e.g. ``"y"`` or ``"x,y"``. Where
+    nothing is, sums (density, stress) count as 0; of quotients (velocity, temperature) it is the plain mean of what is
+    known."""
+    from ..estimators.registry import QUANTITIES
+
+    wanted = [a.strip() for a in str(axes).split(",") if a.strip()]
+    there = list(dict.fromkeys(d for n in fields_of(ds) for d in grid_dims(ds[n]) if d not in ("point", "atom")))
+    if "axes" in ds.attrs or not wanted or [a for a in wanted if a not in there] or len(there) <= len(set(wanted)):
+        raise AtcError(f"mean over {axes}: expected some, not all, of the grid's axes: {', '.join(there) or 'none'}")
+    out = ds.drop_vars([f"position_{c}" for c in "xyz"], errors="ignore")
+    # Standard errors of means over points are not the means of the errors.
+    out = out.drop_vars([n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)])
+    out = out.drop_vars([n for n in out.data_vars if "atom" in out[n].dims])
+    for name in out.data_vars:
+        if not (name in QUANTITIES and QUANTITIES[name].weight is not None):
+            out[name] = out[name].fillna(0.0)
+    return out.mean(wanted, skipna=True, keep_attrs=True)
+
+
 def _positions(ds, da):
     """(*shape, 3) positions of the points of a field's grid, or None if the output does not hold them. Points that move
     are where they are in the frame of `da`; where it has none (a mean) they are where the first frame has them."""
@@ -270,9 +292,9 @@ def points_of_grid(ds, da) -> Places:
     )
     if dims[0] in ("point", "atom"):
         return Places("points" if dims[0] == "point" else "atoms", dims, x, unit)
-    kind = {3: "volume", 2: "plane"}.get(len(dims)) or (
-        "slab" if str(ds.attrs.get("grid", "")).startswith("slab") else "line"
-    )
+    grid = str(ds.attrs.get("grid", ""))
+    profile = "slab" if grid.startswith("slab") else "planes" if grid.startswith("planes") else "line"
+    kind = {3: "volume", 2: "plane"}.get(len(dims)) or profile
     edges = {"x": "a", "y": "b", "z": "c", "s": "the line"}
     out = Places(kind, dims, x, unit, edges=[edges.get(d, d) for d in dims])
     out.tiles = _tiles(ds, out)

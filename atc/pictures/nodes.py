@@ -9,7 +9,8 @@ from ..errors import AtcError
 from .geometry import rank, unit_text
 
 
-def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, frame=-1, limits=None, robust=None):
+def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, frame=-1, limits=None, robust=None,
+               one_scale=False):  # fmt: skip
     """Draw quantities of the nodes, one panel each (or one a component).
 
     Parameters
@@ -21,6 +22,7 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
         that axis
     axis : the axis along which one looks, from its positive end; default the thinnest
     frame : number of the output, -1 the last
+    one_scale : the same limits whichever it is
 
     Returns
     -------
@@ -30,7 +32,7 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     from matplotlib.figure import Figure
 
     from .components import component as scalar
-    from .drawing import STYLE, at_frame, colours, figure, label_of
+    from .drawing import STYLE, at_frame, colours, figure, label_of, titled
 
     names = [n for n, da in ds.data_vars.items() if "node" in da.dims]
     wanted = [q.strip() for q in quantity.split(",")] if quantity else ["damage" if "damage" in names else names[0]]
@@ -51,7 +53,12 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
         )
         for c in comps:
             values = da.values[which]
-            panels.append((da, c, values if c is None else scalar(values, c)))
+            values = values if c is None else scalar(values, c)
+            scaled = values
+            if one_scale:
+                scaled = ds[q].isel(node=which).values
+                scaled = scaled if c is None else scalar(scaled, c)
+            panels.append((da, c, values, scaled))
     u = (
         ds["displacement"].isel(frame=0 if frame == "mean" else int(frame)).values[which]
         if "displacement" in ds
@@ -67,13 +74,13 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     width = 5.2 if len(panels) == 1 else 4.0
     with mpl.rc_context(STYLE):
         fig, axes = figure(Figure, len(panels), width, max(1.3, (width - 1.3) * min(span[1] / span[0], 2.5)) + 0.7)
-        for ax, (da, c, values) in zip(axes.flat, panels):
-            cmap, low, high, extend = colours(da.name, c, values, limits, robust)
+        for ax, (da, c, values, scaled) in zip(axes.flat, panels):
+            cmap, low, high, extend = colours(da.name, c, scaled, limits, robust)
             if da.name == "damage" and limits is None:
                 cmap, low, high, extend = (
                     mpl.colormaps["inferno_r"],
                     0.0,
-                    max(1e-12, float(values.max(initial=0.0))),
+                    max(1e-12, float(scaled.max(initial=0.0))),
                     "neither",
                 )
             ax.set(xlim=(lo[0] - pad, hi[0] + pad), ylim=(lo[1] - pad, hi[1] + pad), aspect="equal")
@@ -84,7 +91,7 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
             ax.set(xlabel=labels[0], ylabel=labels[1])
         for ax in list(axes.flat)[len(panels) :]:
             ax.remove()
-        fig.suptitle(", ".join(t for t in (str(ds.attrs.get("materials", "")).upper(), when) if t), fontsize=9)
+        titled(fig, ", ".join(t for t in (str(ds.attrs.get("materials", "")).upper(), when) if t))
     return fig
 
 

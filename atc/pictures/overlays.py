@@ -20,14 +20,16 @@ class Overlays:
     ----------
     ds : output; place : Layout of the plane or the points; selection : what cuts it from the output
     arrows, streamlines : names of vector fields; principal : name of a tensor field; or None
+    one_scale : lengths as for all frames
 
     Raises
     ------
     AtcError for fields that are not there, or of another kind.
     """
 
-    def __init__(self, ds, place, selection, frame, dimension, arrows=None, streamlines=None, principal=None):
-        self.place, self.notes = place, []
+    def __init__(self, ds, place, selection, frame, dimension, arrows=None, streamlines=None, principal=None,
+                 one_scale=False):  # fmt: skip
+        self.place, self.notes, self.one_scale = place, [], one_scale
         self.arrows = self._vectors(ds, arrows, 1, selection, frame)
         self.lines = self._vectors(ds, streamlines, 1, selection, frame)
         self.crosses = self._vectors(ds, principal, 2, selection, frame)
@@ -43,7 +45,8 @@ class Overlays:
             raise AtcError(f"{name}: is no {what} field of this output: it holds {', '.join(have) or 'none'}")
         da, _ = at_frame(ds, name, frame)
         da = da.transpose(*grid_dims(da), ...).isel(selection)
-        return name, unit_text(da.attrs.get("units", "")), da.values
+        every = ds[name].transpose(..., *da.dims).isel(selection) if self.one_scale else da
+        return name, unit_text(da.attrs.get("units", "")), da.values, every.values
 
     def __bool__(self):
         return any(x is not None for x in (self.arrows, self.lines, self.crosses))
@@ -75,14 +78,15 @@ class Overlays:
         return middle[::every], values[::every]
 
     def _draw_arrows(self, ax, middle, basis):
-        name, unit, v = self.arrows
+        name, unit, v, every = self.arrows
         at, v = self._thinned(middle, v @ basis[:2].T)
         size = np.linalg.norm(v, axis=-1)
         good = np.isfinite(size)
         if not good.any() or not size[good].max() > 0:
             return
         # Arrows of the usual size reach the next one; those of singular places are cut to it.
-        usual = max(np.percentile(size[good], 95), 1e-300)
+        usual = np.linalg.norm(every @ basis[:2].T, axis=-1) if self.one_scale else size
+        usual = max(np.nanpercentile(usual, 95), 1e-300)
         v = v / np.maximum(size, usual)[:, None]
         step = np.sqrt(np.prod(np.ptp(at, axis=0)) / max(len(at), 1))
         ax.quiver(*at[good].T, *v[good].T, angles="xy", scale_units="xy", scale=1.0 / (0.95 * step), pivot="mid",
@@ -90,7 +94,7 @@ class Overlays:
         self.notes.append(f"arrows: {symbol(name) or name}, the longest {usual:.3g} {unit}".strip())
 
     def _draw_lines(self, ax, middle, basis):
-        name, _, v = self.lines
+        name, _, v, _ = self.lines
         x, y = middle[:, 0, 0], middle[0, :, 1]
         straight = np.allclose(middle[..., 0], x[:, None]) and np.allclose(middle[..., 1], y[None, :])
         if not straight or min(len(x), len(y)) < 2:
@@ -107,15 +111,20 @@ class Overlays:
         from matplotlib.collections import LineCollection
         from matplotlib.patheffects import withStroke
 
-        name, unit, s = self.crosses
-        in_plane = np.einsum("ai,...ij,bj->...ab", basis[:2], 0.5 * (s + np.swapaxes(s, -1, -2)), basis[:2])
+        name, unit, s, every = self.crosses
+        turned = lambda s: np.einsum("ai,...ij,bj->...ab", basis[:2], 0.5 * (s + np.swapaxes(s, -1, -2)), basis[:2])  # noqa: E731
+        in_plane = turned(s)
         at, t = self._thinned(middle, in_plane)
         good = np.isfinite(t).all(axis=(-1, -2))
         at, t = at[good], t[good]
         if not len(at):
             return
         values, vectors = np.linalg.eigh(t)
-        usual = max(np.percentile(np.abs(values), 97), 1e-300)
+        usual = values
+        if self.one_scale:
+            t = turned(every)
+            usual = np.linalg.eigvalsh(t[np.isfinite(t).all(axis=(-1, -2))])
+        usual = max(np.percentile(np.abs(usual), 97), 1e-300)
         step = np.sqrt(np.prod(np.ptp(at, axis=0)) / max(len(at), 1))
         for sign, colour in ((1, "#b2182b"), (-1, "#2166ac")):
             segments = []

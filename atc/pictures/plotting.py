@@ -16,9 +16,11 @@ from ..errors import AtcError
 from ..running.output import load, of_species
 from ..unit_words import converted, in_units, unit_of
 from . import components
+from .against_time import time_figure
 from .components import TENSOR
-from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save, singular, wrapped
-from .geometry import STDERR, cut, fields_of, grid_dims, over_angles, points_of_grid, rank
+from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save, singular, titled
+from .geometry import PROFILES, STDERR, cut, fields_of, grid_dims, over_angles, over_axes, points_of_grid, rank
+from .movies import RATE, movie_path, write_movie
 from .overlays import Overlays, legend
 from .symbols import symbol
 
@@ -32,6 +34,7 @@ def plot(
     axis=None,
     index=None,
     frame=-1,
+    mean=None,
     limits=None,
     robust=None,
     atoms=None,
@@ -40,6 +43,7 @@ def plot(
     arrows=None,
     streamlines=None,
     principal=None,
+    one_scale=False,
 ):
     """Draw one field, one panel a component.
 
@@ -53,13 +57,15 @@ def plot(
     slice : for a 3-D grid, ``"z=0.5"`` (fraction of the axis) or ``"z=12.5A"`` (distance along the axis, in the
         dataset's length unit)
     axis, index : the same by index
-    frame : index, or ``"mean"``
+    frame : index, ``"mean"``, or ``"all"``: a profile against time, position to the right and time upwards
+    mean : axes of the grid that means are taken over first, e.g. ``"y"`` or ``"x,y"``: a map or a profile is left
     limits : (lo, hi) of the colours; robust : limits at the 2nd and 98th percentile; None: only where a few points are
         far beyond all others (corners, crack tips); False: never
     arrows, streamlines : name of a vector field (velocity, heat_flux, ...) to draw over maps
     principal : name of a tensor field whose principal values in the plane are drawn over maps as crosses: along their
         directions, as long as they are large, tension red, compression blue
     species : which of the species, or molecules, that the fields are taken apart by
+    one_scale : the same limits whichever frame is drawn: those of all frames
     units : to draw in, e.g. ``"GPa, nm"`` or a preset, see `atc.fields`
     atoms : (n, 3) positions in the dataset's units to draw on maps, those near the plane
 
@@ -82,26 +88,41 @@ def plot(
         from .nodes import plot_nodes
 
         return plot_nodes(
-            ds, quantity, component=component, slice=slice, axis=axis, frame=frame, limits=limits, robust=robust
+            ds,
+            quantity,
+            component=component,
+            slice=slice,
+            axis=axis,
+            frame=frame,
+            limits=limits,
+            robust=robust,
+            one_scale=one_scale,
         )
     axes = tuple(str(ds.attrs.get("axes", "")).split())
     if axes:
         ds = over_angles(ds)
         component = _cartesian_names(component, axes)
+    if mean is not None:
+        ds = over_axes(ds, mean)
     panels = []
     dimension = int(ds.attrs.get("dimension", 3))
     wanted = [q.strip() for q in quantity.split(",")] if quantity else [None]
     for q in wanted:
         name = pick(ds, q)
-        da, when = at_frame(ds, name, frame)
-        da = da.transpose(*grid_dims(da), ...)
-        comps = _scalars(da, component if rank(da) or len(wanted) == 1 else None, dimension)
-        if len(wanted) > 1 and component is None and rank(da):
+        da, when = (ds[name], "") if frame == "all" else at_frame(ds, name, frame)
+        da = da.transpose(*(["frame"] if frame == "all" and "frame" in da.dims else []), *grid_dims(da), ...)
+        chosen = component or through(ds, da)
+        comps = _scalars(da, chosen if rank(da) or len(wanted) == 1 else None, dimension)
+        if len(wanted) > 1 and chosen is None and rank(da):
             comps = ["magnitude" if rank(da) == 1 else "vonmises"]
         panels += [(name, da, c) for c in comps]
     dims = {tuple(grid_dims(da)) for _, da, _ in panels}
     if len(dims) > 1:
         raise AtcError("fields on different grids cannot share a picture: plot them one by one")
+    if frame == "all":
+        if slice is not None or axis is not None or index is not None or arrows or streamlines or principal:
+            raise AtcError("frame all: a map of position and time has no slices, arrows, streamlines or crosses")
+        return time_figure(ds, panels, limits, robust, dimension)
     place = points_of_grid(ds, panels[0][1])
     if place.kind == "volume":
         place, selection, where = cut(place, slice, axis, index)
@@ -110,18 +131,35 @@ def plot(
             raise AtcError(f"this output is on a {place.kind}, not on a 3-D grid: there is nothing to slice")
         selection, where = {}, ""
     names = ", ".join(dict.fromkeys(str(da.attrs.get("long_name", name)) for name, da, _ in panels))
+    where = ", ".join(t for t in (where, "" if mean is None else f"mean over {mean}") if t)
     title = ", ".join(t for t in (names[:1].upper() + names[1:], kernel_title(ds), where, when) if t)
-    if place.kind in ("line", "slab") and (arrows or streamlines or principal):
+    if place.kind in PROFILES and (arrows or streamlines or principal):
         raise AtcError("arrows, streamlines and principal stresses are drawn over maps, not over profiles")
     with mpl.rc_context(STYLE):
-        if place.kind in ("line", "slab"):
-            return _profiles(Figure, ds, panels, place, title, limits, frame, dimension)
+        if place.kind in PROFILES:
+            return _profiles(Figure, ds, panels, place, title, limits, frame, dimension, one_scale)
         values = []
         for _, da, c in panels:
             v = da.isel(selection).values
             values.append(v if c is None else components.component(v, c, dimension, rank=rank(da)))
-        over = Overlays(ds, place, selection, frame, dimension, arrows, streamlines, principal)
-        return _maps(Figure, panels, values, place, title, limits, robust, atoms, over)
+        over = Overlays(ds, place, selection, frame, dimension, arrows, streamlines, principal, one_scale)
+        scaled = [_all_frames(ds, n, c, selection, dimension) for n, _, c in panels] if one_scale else values
+        return _maps(Figure, panels, values, place, title, limits, robust, atoms, over, scaled)
+
+
+def _all_frames(ds, name, comp, selection, dimension):
+    """The values of one panel in every frame."""
+    da = ds[name]
+    da = da.transpose(*(d for d in ("frame",) if d in da.dims), *grid_dims(da), ...).isel(selection)
+    return da.values if comp is None else components.component(da.values, comp, dimension, rank=rank(da))
+
+
+def through(ds, da) -> str | None:
+    """What of a field on planes passes through them: the components of their normal."""
+    if not str(ds.attrs.get("grid", "")).startswith("planes") or not rank(da):
+        return None
+    n, letters = grid_dims(da)[0], "xyz"[: int(ds.attrs.get("dimension", 3))]
+    return n if rank(da) == 1 else ",".join(n + j for j in letters)
 
 
 def _cartesian_names(component, axes):
@@ -194,19 +232,21 @@ def _panel_size(flat, panels):
     return width, (width - 1.15) * aspect + 0.75, 3
 
 
-def _maps(Figure, panels, values, place, title, limits, robust, atoms, over=None):
+def _maps(Figure, panels, values, place, title, limits, robust, atoms, over=None, scaled=None):
+    """Maps, one panel each. scaled : the values that scales are made for, if not those drawn"""
+    scaled = values if scaled is None else scaled
     drawn_as = place.flat()
     flat, _, basis, origin = drawn_as
     width, height, columns = _panel_size(flat, len(panels))
     fig, axs = figure(Figure, len(panels), width, height, columns)
     largest: dict[str, float] = {}
-    for (name, _, _), v in zip(panels, values):
+    for (name, _, _), v in zip(panels, scaled):
         usual = (
             np.nanpercentile(np.abs(v), 98) if robust is not False and singular(v) else np.nanmax(np.abs(v), initial=0)
         )
         largest[name] = max(largest.get(name, 0.0), float(usual))
-    for ax, (name, da, comp), v in zip(axs.flat, panels, values):
-        painted = colours(name, comp, v, limits, robust, 1e-3 * largest[name])
+    for ax, (name, da, comp), v, s in zip(axs.flat, panels, values, scaled):
+        painted = colours(name, comp, s, limits, robust, 1e-3 * largest[name])
         draw_map(fig, ax, place, drawn_as, v, *painted, label_of(da, comp, da.attrs.get("units", "")))
         if over is not None:
             over.draw(ax, drawn_as)
@@ -219,11 +259,11 @@ def _maps(Figure, panels, values, place, title, limits, robust, atoms, over=None
     for ax in list(axs.flat)[len(panels) :]:
         ax.remove()
     legend(fig, any(not np.isfinite(v).all() for v in values), over)
-    fig.suptitle(wrapped(fig, title, 9), fontsize=9)
+    titled(fig, title)
     return fig
 
 
-def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
+def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3, one_scale=False):
     """Curves along the one dimension, one panel a field, with the standard error as a band where the output has one."""
     groups: dict[str, list] = {}
     for name, da, comp in panels:
@@ -253,6 +293,11 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
         )
         if len(s) > 1:
             ax.set_xlim(s[0], s[-1])
+        if one_scale:
+            every = np.concatenate([_all_frames(ds, name, comp, {}, dimension).ravel() for _, comp in members])
+            if np.isfinite(every).any():
+                ax.update_datalim([(s[0], np.nanmin(every)), (s[0], np.nanmax(every))], updatex=False)
+                ax.autoscale_view()
         if limits is not None:
             ax.set_ylim(*limits)
         lo, hi = ax.get_ylim()
@@ -268,14 +313,14 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3):
         ax.spines[["top", "right"]].set_visible(False)
     for ax in list(axs.flat)[len(groups) :]:
         ax.remove()
-    fig.suptitle(wrapped(fig, title, 9), fontsize=9)
+    titled(fig, title)
     return fig
 
 
 def _stderr(ds, name, frame):
     """The standard error that belongs to the entry drawn; None for a mean over several entries, whose error is not
     theirs."""
-    if name + STDERR not in ds:
+    if name + STDERR not in ds or frame == "all":
         return None
     error = ds[name + STDERR]
     if "frame" not in error.dims:
@@ -298,13 +343,43 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:
         nodes = ds.attrs.get("kind") == "peridynamics"
-        words = [path.stem, quantity or ("damage" if nodes else pick(ds, None)), options.get("component")]
+        words = [
+            path.stem,
+            "t" if frame == "all" else None,
+            quantity or ("damage" if nodes else pick(ds, None)),
+            options.get("component"),
+        ]
         output = path.with_name("-".join(w.replace(",", "-") for w in words if w) + ".png")
     return save(fig, output)
 
 
+def movie_file(path, movie, quantity=None, *, rate=RATE, overlay=None, **options) -> Path:
+    """`plot` of every frame of an output file as a movie (.gif, .mp4) with one scale, `rate` frames a second."""
+    movie = movie_path(movie)
+    ds = of_species(load(path), options.pop("species", None))
+    units = options.pop("units", None)
+    ds = ds if units is None else in_units(ds, units)
+    n = ds.sizes.get("frame", 1)
+    if n < 2:
+        raise AtcError(f"{path}: it has one frame, which makes no movie: compute more (average = false, or a window)")
+    figures = (
+        plot(
+            ds,
+            quantity,
+            frame=k,
+            one_scale=True,
+            atoms=None if overlay is None else _atoms(overlay, ds, k),
+            **options,
+        )
+        for k in range(n)
+    )
+    return write_movie(movie, figures, rate)
+
+
 def _atoms(trajectory, ds, frame):
     """Positions, in the cell, in the dataset's length unit, of the atoms of the frame that is drawn."""
+    if frame == "all":
+        raise AtcError("--overlay: atoms are drawn on maps of one frame: leave --frame all or --overlay out")
     k = int(ds["frame"].values[0 if frame == "mean" else int(frame)])
     if k >= len(trajectory):
         raise AtcError(

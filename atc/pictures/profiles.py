@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .drawing import STYLE, figure
+from .drawing import STYLE, figure, titled
 from .geometry import unit_text
 
 
@@ -40,7 +40,7 @@ def profiles_figure(curves, title: str):
         for ax in axs[len(panels) :]:
             ax.remove()
         axs[0].legend()
-        fig.suptitle(title, fontsize=9)
+        titled(fig, title)
     return fig
 
 

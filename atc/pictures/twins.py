@@ -3,7 +3,6 @@ and histories of both."""
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -30,33 +29,15 @@ def picture(data, path, title, components=None):
 
 
 def movie(data, path, title, components=None, rate: float = 5.0) -> Path:
-    """The same frame by frame as an animated GIF, `rate` frames a second, with the same colours in all of them."""
-    import matplotlib as mpl
-    from PIL import Image
+    """The same frame by frame as a movie (.gif, .mp4), `rate` frames a second, with the same colours in all of them."""
+    from .movies import write_movie
 
-    from .drawing import STYLE
-
-    path, components = movie_path(path), components or components_of(data)
+    components = components or components_of(data)
     limits = [_largest(data, name, index) for name, index, _ in components]
-    pages = []
-    with mpl.rc_context(STYLE):
-        for k in range(data.sizes["frame"]):
-            page = io.BytesIO()
-            drawn(data.isel(frame=[k]), f"{title}, frame {k + 1}", components, limits).savefig(page, dpi=90)
-            pages.append(Image.open(page).convert("RGB"))
-    options = {"save_all": True, "append_images": pages[1:], "duration": round(1000 / rate), "loop": 0}
-    try:
-        pages[0].save(path, **options)
-    except OSError as e:
-        raise AtcError(f"{path}: the movie cannot be written: {e.strerror or e}") from None
-    return path
-
-
-def movie_path(path) -> Path:
-    """The path, if it is that of a GIF."""
-    if Path(path).suffix.lower() != ".gif":
-        raise AtcError(f"{path}: a movie of the twin is a GIF: name it .gif (for ParaView: atc export of the dataset)")
-    return Path(path)
+    figures = (
+        drawn(data.isel(frame=[k]), f"{title}, frame {k + 1}", components, limits) for k in range(data.sizes["frame"])
+    )
+    return write_movie(path, figures, rate)
 
 
 def _largest(data, name, index) -> tuple[float, float]:
@@ -75,7 +56,7 @@ def drawn(data, title, components=None, limits=None):
     own."""
     from matplotlib.figure import Figure
 
-    from .drawing import colours, draw_map, figure
+    from .drawing import colours, draw_map, figure, titled
     from .geometry import cut, points_of_grid, unit_text
 
     components = components or components_of(data)
@@ -101,7 +82,7 @@ def drawn(data, title, components=None, limits=None):
             span = (-top, top) if side != "PD - MD" else (-bound[1], bound[1]) if bound else None
             draw = colours("", "xx", v, span, False)
             draw_map(fig, ax, place, place.flat(), v, *draw, f"{side}, {label}" + (f" ({units})" if units else ""))
-    fig.suptitle("; ".join(t for t in (title, where) if t), fontsize=9)
+    titled(fig, "; ".join(t for t in (title, where) if t))
     return fig
 
 

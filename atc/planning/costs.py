@@ -102,6 +102,10 @@ def cache_file() -> Path:
 
 # --- what there is to do
 
+#: Atoms whose neighbours are counted at a time; the standard error, of the mean number, that is enough; layers that
+#: atoms are sorted into.
+AT_ONCE, CERTAIN, LAYERS = 16, 0.02, 65535.0
+
 
 @dataclass(frozen=True)
 class Load:
@@ -125,9 +129,13 @@ class Load:
 
 
 def neighborhood(frame, cutoff: float, count: int = 0, triplets: bool = True) -> tuple[float, float, float, float]:
-    """Around some atoms, 50 to 150 unless `count` says otherwise (so that empty space in the box does not mislead):
-    mean number of neighbours within `cutoff` and of pairs of them, mean distance of a neighbour, and of two neighbours
-    from each other; without `triplets` those of pairs of neighbours are 0."""
+    """Around some atoms at random (so that empty space in the box does not mislead): mean number of neighbours within
+    `cutoff` and of pairs of them, mean distance of a neighbour, and of two neighbours from each other; without
+    `triplets` those of pairs of neighbours are 0.
+
+    As many atoms are looked at as make the mean number certain (`CERTAIN`), 150 at most, 50 in large frames; `count` of
+    them if that is given.
+    """
     n, cell = len(frame), frame.cell
     if n < 2:
         return 0.0, 0.0, 0.0, 0.0
@@ -137,46 +145,58 @@ def neighborhood(frame, cutoff: float, count: int = 0, triplets: bool = True) ->
             return k, 0.5 * k * max(k - 1, 0), 2 / 3 * cutoff, 0.905 * cutoff
         k = n / cell.volume * 4 / 3 * pi * cutoff**3
         return k, 0.5 * k * max(k - 1, 0), 0.75 * cutoff, 1.03 * cutoff
-    s = cell.fractional(frame.positions)
-    reach = cutoff / cell.heights
-    neighbors = pairs = distance = apart = 0.0
     sample = np.random.default_rng(0).choice(n, min(n, count or (150 if n < 100_000 else 50)), replace=False)
-    # Along the first axis the neighbours of all of them are found at once.
-    wrapped = s[:, 0] - np.floor(s[:, 0]) if cell.periodic[0] else s[:, 0]
-    order = np.argsort(wrapped)
-    ahead = wrapped[order]
-    for k in sample:
-        near = _between(ahead, wrapped[k], reach[0], cell.periodic[0])
-        near = order[near]
-        d = np.zeros((len(near), 0))
-        for a in range(3):
-            da = s[near, a] - s[k, a]
-            if cell.periodic[a]:
-                da -= np.rint(da)
-            keep = np.abs(da) < reach[a]
-            near, d = near[keep], np.column_stack([d[keep], da[keep]])
-        r = d[near != k] @ cell.vectors
-        r = r[(r**2).sum(1) < cutoff**2]
-        m = len(r)
-        neighbors += m
-        distance += np.sqrt((r**2).sum(1)).sum()
-        if not triplets:
-            continue
-        if 1 < m < 400:
-            i, j = np.triu_indices(m, 1)
-            pairs += len(i)
-            apart += np.linalg.norm(r[i] - r[j], axis=1).sum()
-        elif m > 1:
-            pairs += 0.5 * m * (m - 1)
-            apart += 0.5 * m * (m - 1) * 1.03 * cutoff
-    return neighbors / len(sample), pairs / len(sample), distance / max(neighbors, 1), apart / max(pairs, 1)
+    s_nc = frame.positions @ cell.inverse
+    # Along the first axis the neighbours of all of them are found at once: atoms in thin layers.
+    along = s_nc[:, 0] - np.floor(s_nc[:, 0]) if cell.periodic[0] else s_nc[:, 0] - s_nc[:, 0].min()
+    layers = min(LAYERS / max(along.max(), 1e-300), 1e15)
+    layer = (along * layers).astype(np.uint16)
+    order = np.argsort(layer, kind="stable")  # quick for small integers
+    ahead, found, pairs, distance, apart = layer[order], np.zeros(0), 0.0, 0.0, 0.0
+    for begin in range(0, len(sample), AT_ONCE):
+        some = sample[begin : begin + AT_ONCE]
+        which, r_bc = _around(s_nc, cell, cutoff, some, along[some], layers, ahead, order)
+        number = np.bincount(which, minlength=len(some))
+        distance += np.sqrt((r_bc**2).sum(1)).sum()
+        for r in np.split(r_bc, np.cumsum(number)[:-1]) if triplets else ():
+            m = len(r)
+            if 1 < m < 400:
+                i, j = np.triu_indices(m, 1)
+                pairs += len(i)
+                apart += np.linalg.norm(r[i] - r[j], axis=1).sum()
+            elif m > 1:
+                pairs += 0.5 * m * (m - 1)
+                apart += 0.5 * m * (m - 1) * 1.03 * cutoff
+        found = np.concatenate([found, number])
+        if not count and found.std() <= CERTAIN * found.mean() * np.sqrt(len(found)):
+            break
+    return found.mean(), pairs / len(found), distance / max(found.sum(), 1), apart / max(pairs, 1)
 
 
-def _between(ahead, at, reach, periodic) -> np.ndarray:
-    """Indices into sorted fractional coordinates within `reach` of `at`, through the border if it is periodic."""
-    shifts = (-1.0, 0.0, 1.0) if periodic else (0.0,)
-    ends = [np.searchsorted(ahead, (at - reach * (1 + 1e-9) + k, at + reach * (1 + 1e-9) + k)) for k in shifts]
-    return np.concatenate([np.arange(a, b) for a, b in ends])
+def _around(s_nc, cell, cutoff, some, along, layers, ahead, order) -> tuple[np.ndarray, np.ndarray]:
+    """Neighbours of some atoms: which of these each belongs to, ascending, and where it is from it.
+
+    along : how far along the first axis each of them is; layers : in a unit of that; ahead, order : those of all atoms,
+    ascending, and whose they are"""
+    shifts = (-1.0, 0.0, 1.0) if cell.periodic[0] else (0.0,)
+    reach = cutoff / cell.heights * (1 + 1e-9)
+    ends = np.floor(layers * (np.add.outer(along, shifts)[:, :, None] + reach[0] * np.array([-1.0, 1.0]))).reshape(
+        -1, 2
+    )
+    ends = np.stack([np.searchsorted(ahead, ends[:, 0]), np.searchsorted(ahead, ends[:, 1], side="right")], axis=1)
+    number = ends[:, 1] - ends[:, 0]
+    near = order[np.arange(number.sum()) + np.repeat(ends[:, 0] - np.cumsum(number) + number, number)]
+    which = np.repeat(np.repeat(np.arange(len(some)), len(shifts)), number)
+    d_bc = np.empty((len(near), 0))
+    for axis in range(3):
+        d = s_nc[near, axis] - s_nc[some[which], axis]
+        if cell.periodic[axis]:
+            d -= np.rint(d)
+        keep = np.abs(d) < reach[axis]
+        near, which, d_bc = near[keep], which[keep], np.column_stack([d_bc[keep], d[keep]])
+    r_bc = d_bc @ cell.vectors
+    keep = ((r_bc**2).sum(1) < cutoff**2) & (near != some[which])
+    return which[keep], r_bc[keep]
 
 
 def load_of(pot, frame) -> Load:
@@ -344,6 +364,20 @@ def smooth(costs: Costs, term, frame, transforms: int) -> float:
     split, (vectors, _) = term.split, term.box(frame)
     nodes = float(np.prod(1.5 * (2.0 * largest_of(split.largest_wave(), vectors) + 1.0)))
     return (1 + transforms) * (costs.mesh_node * nodes + WINDOW_NODE * WINDOW * len(frame))
+
+
+def squares(costs: Costs, bound, kern, cell, items: float, components: int, method, tolerance: float) -> float:
+    """Seconds of Σ a φ² of `items` atoms, whose other sums are taken by `method`; see `Deposits.squares`."""
+    from ..deposit import make
+    from ..estimators.deposits import CLOSER_SQUARES, SQUARES, squared_kernel
+
+    found = None if bound.kind == "slab" else squared_kernel(kern, cell)
+    if found is None:
+        return gather(costs, bound, kern.cut(SQUARES * tolerance), items, 0.0, components)
+    if method.exact:
+        return direct(costs, bound, found[1], items, 0.0, components)
+    deposit = make(method.name, bound, found[1], cell, components, 0, 1, CLOSER_SQUARES * method.tolerance)
+    return spectral(costs, deposit, items, 0.0, components)
 
 
 def gather(costs: Costs, bound, kern, items: float, length: float, components: int) -> float:

@@ -32,7 +32,7 @@ class ErrorForecast:
     """
 
     def __init__(self, pot, frame, bound, kern, tolerance, threads=1):
-        kern = kern.cut(BEYOND * tolerance)
+        kern, frame = kern.cut(BEYOND * tolerance), pot.carriers(frame)
         self.bound, self.kern, self.cell = bound, kern, frame.cell
         strongest = StrongestBonds(frame.positions, threads)
         totals = [np.zeros((2, 6)) for _ in range(threads)]

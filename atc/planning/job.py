@@ -16,10 +16,12 @@ from ..estimators import groups
 from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
 from ..estimators.moving import Follow
+from ..estimators.planes import BY_FRAMES, require_countable, through_planes, unneeded
 from ..estimators.registry import Work
 from ..estimators.selections import Parts, selection
 from ..estimators.settings import FrameResult, Settings
 from ..grids import Grid
+from ..kernels.unsmoothed import Unsmoothed
 from .request import Request
 
 
@@ -44,13 +46,15 @@ def prepare(request: Request | Job) -> Job:
     from ..estimators.accuracy.random_points import kernel_internal
     from ..padding import resolved, warn_of_open_faces
     from ..planar import planar
+    from ..readers.memory import since_the_frame_before
     from ..readers.planar import matched
 
     if isinstance(request, Job):
         return request
     apart, pot = request.by is not None, request.pot
     request = replace(request, **_velocity(request))
-    more = {"parts": apart, "velocity": request.velocity}
+    crossing = through_planes(request.grid)
+    more = {"parts": apart and not crossing, "velocity": request.velocity, "kernel": not crossing}
     work = Work.of(request.quantities, pot is None or pot.central, churnless=pot is not None and pot.churnless, **more)
     frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
     if not len(frames):
@@ -61,6 +65,23 @@ def prepare(request: Request | Job) -> Job:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
         work = Work.of(request.quantities, pot.central, churnless=pot.churnless, **more)
+    if crossing:
+        assert isinstance(request.grid, Grid)
+        require_countable(work, pot, request.grid)
+        for name in unneeded(work, request.grid):
+            work.attributes.pop(name, None)
+        if request.tiles is not None:
+            raise AtcError("tiles: what crosses planes is counted in whole frames: leave tiles out")
+        if request.grid._["interval"] == BY_FRAMES and work.site:
+            frames = since_the_frame_before(frames)
+            first = frames[0]
+    if request.kern is None and work.kernel_users and has_bin_means(grid):
+        if pot is not None and pot.fields and work.bond:
+            raise AtcError(
+                f"{', '.join(work.bond_users)}: without a kernel, but long-range forces (kspace_style) belong to no "
+                "bonds that bins have parts of: give a kernel"
+            )
+        request = replace(request, kern=Unsmoothed())
     if reference is not None and reference.dimension != first.dimension:
         if first.dimension == 3:
             raise AtcError(f"the reference {reference.source} is of a two-dimensional run, but {first.source} is not")
@@ -91,7 +112,7 @@ def prepare(request: Request | Job) -> Job:
     chosen, parts = selection(request.select), None
     if chosen is not None or apart:
         require_choosable(work, pot, apart, tiles)
-        chosen = None if chosen is None else chosen.settled(first, frames)
+        chosen = None if chosen is None else chosen.settled(first, frames, pot)
         if apart:
             whole = np.ones(len(first), bool) if chosen is None else chosen.of(first)
             parts = Parts.of_frame(request.by, first, whole)
@@ -113,8 +134,13 @@ def prepare(request: Request | Job) -> Job:
     )
     follow = None
     if work.grid_users and isinstance(grid, Grid) and grid.follows_mass:
-        follow = Follow.of(first, None if chosen is None else chosen.of(first))
+        follow = Follow.of(first, None if chosen is None else chosen.of(first), grid.follows)
     return Job(completed, frames, first, work, model, parts, follow)
+
+
+def has_bin_means(grid) -> bool:
+    """Whether values are means over bins, which need no kernel."""
+    return isinstance(grid, Grid) and grid.bin_means
 
 
 def local_axes(grid) -> tuple[str, ...]:
@@ -125,6 +151,12 @@ def local_axes(grid) -> tuple[str, ...]:
 def _velocity(request: Request) -> dict:
     """What thermal motion is relative to, and the quantities with those that averages of it need."""
     velocity = request.velocity
+    if through_planes(request.grid):
+        if velocity not in (None, "none"):
+            raise AtcError(
+                f'velocity {velocity!r}: planes see all momentum that atoms carry through: leave it out (or "none")'
+            )
+        return {"velocity": "none"}
     if velocity is None:
         # Nodes of a body have no temperature that few of them would show too little of.
         velocity = "local" if request.pot is not None and request.pot.horizon is not None else "frame"
@@ -229,6 +261,8 @@ class Job:
     def places(self, work: Work) -> dict | None:
         """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something
         for that is missing."""
+        if through_planes(self.request.grid):
+            return None
         if self.request.kern is None or self.request.grid is None or (work.bond_users and self.request.pot is None):
             return None
         out = {key: (self.bound, self.first.cell) for key in ("site", "bond", "gather") if getattr(work, key)}
@@ -310,7 +344,7 @@ class Job:
         """`field_pass.FieldSums` of the long-range terms, None if nothing is summed over them on the grid."""
         asked = self.request
         if asked.pot is None or not asked.pot.fields or not self.work.bond or asked.kern is None or asked.grid is None:
-            return None
+            return None  # and planes are refused where there is a field
         from ..estimators.field_pass import FieldSums
 
         return FieldSums(
@@ -342,6 +376,7 @@ class Job:
             or self.request.tiles is not None
             or grid is None
             or grid.follows_atoms
+            or through_planes(grid)
             or self.follow is not None
         ):
             return frozenset()

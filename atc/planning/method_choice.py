@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from ..errors import AtcError
+from ..estimators.accuracy.strongest_bonds import WATCHED
 from ..estimators.methods import EXACT, Method
 from .costs import Costs, Load, collapsed, direct, gather, points_each, spectral, spectral_memory
 
@@ -28,8 +30,15 @@ LOOSEST = 0.1
 #: CPU seconds of an exact sum below which nothing else is considered.
 CHEAP = 3e-3
 #: CPU seconds, of a run, that it takes to look for the cheapest method of sums over atoms, and over bonds; and, of a
-#: frame, to watch the strongest bonds where their sum is approximate: for each bond, and at most.
-SEARCH, WATCH = (0.02, 0.06), (3e-7, 0.05)
+#: frame, to watch the strongest bonds where their sum is approximate: whatever the frame, for each bond, and at most.
+SEARCH, WATCH = (3e-3, 0.02), (0.028, 5e-8, 0.15)
+#: What of an exact sum's time all that an approximate one takes may be expected to cost. That is known less well (on
+#: busy machines spreading on large meshes took three times as long as foreseen), and a looser tolerance must never be
+#: dearer than the exact sum.
+WORTH = 0.6
+#: CPU seconds of a forecast beside the forces: whatever the frame, and for each bond; how many methods it looks at;
+#: how many times that it must promise to save.
+FORECAST, LOOKS, GAIN = (6e-3, 2e-8), 2, 1.2
 #: Bytes that meshes may take.
 MOST_MEMORY = 4e9
 
@@ -141,7 +150,7 @@ def choose_methods(
         exact = (gather if by_gather else direct)(costs, bound, kern, items, length, components)
         look = None
         if forecast is not None and not cancelling and key == "bond" and work.bond == ["stress"]:
-            look = _Look(forecast, load.seconds(costs, atoms))
+            look = _Look(forecast, load.seconds(costs, atoms) + FORECAST[0] + FORECAST[1] * items, n_frames)
         out[key] = _one(
             method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look,
             carriers(key, work, atoms), (together or {}).get(key, 1), n_frames, CANCELLING if cancelling else 1.0,
@@ -151,10 +160,12 @@ def choose_methods(
 
 @dataclass
 class _Look:
-    """A forecast that has not been made: how, and what making it costs."""
+    """A forecast that has not been made: how, and what making it costs, but for what looks at a method cost; of how
+    many frames the run is."""
 
     make: object
     seconds: float
+    n_frames: int
 
 
 def _one(
@@ -181,8 +192,7 @@ def _one(
 
     if method == "spectral":
         first = ways.deposit(max(tolerance, 1e-14))
-        points = replace(ways, carried=0.0)  # see `_Spectral.method`
-        rungs = _rungs(tolerance, lambda t: _fits(points.deposit(t), components))
+        rungs = _rungs(tolerance, lambda t: _fits(ways.by_points.deposit(t), components))
         return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, True, first.order)
     if method != "auto":
         return Method(method, reason="asked for", forced=True)
@@ -192,18 +202,21 @@ def _one(
         return Method("direct", reason=f"tolerance {tolerance:g} means the exact sum")
     if not items:
         return EXACT
-    # What an approximate sum may cost: looking for one, and after its errors, is part of it.
+    # Looking for an approximate sum, and after its errors, is part of what it costs.
     bonds = bool(length > 0)
-    allowed = exact - SEARCH[bonds] / n_frames - (min(WATCH[0] * items, WATCH[1]) / frames if bonds else 0.0)
+    watch = min(WATCH[0] + WATCH[1] * items, WATCH[2]) / frames if bonds else 0.0
+    allowed = WORTH * exact - SEARCH[bonds] / n_frames - watch
     if exact < CHEAP or allowed <= 0.0:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 
-    start = closer * tolerance if look is None else _start(tolerance, ways, exact, look)
+    start, spent = closer * tolerance, 0.0
+    if look is not None:
+        start, spent = _start(tolerance, ways, exact, allowed, look)
     try:
         fast = ways.cost(start)
     except AtcError as e:
         return Method("direct", reason=f"spectral cannot: {_short(e)}")
-    if fast >= allowed:
+    if fast >= allowed - spent:
         return Method(
             "direct",
             reason=f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method",
@@ -225,6 +238,7 @@ class _Spectral:
     gradients: bool = False
     carried: float = 0.0
     frames: int = 1
+    _known: dict = field(default_factory=dict, init=False)
 
     def deposit(self, t):
         """The cheapest."""
@@ -232,10 +246,27 @@ class _Spectral:
 
     def _best(self, t):
         """(seconds, deposit)"""
-        what = self.items, self.length, self.components
-        return cheapest(
-            self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried, self.frames
-        )
+        if t not in self._known:
+            what = self.items, self.length, self.components
+            self._known[t] = cheapest(
+                self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried, self.frames
+            )
+        return self._known[t]
+
+    @cached_property
+    def by_points(self) -> _Spectral:
+        """The same with points on all bonds, as what is computed again goes, which is rare: to find the best order of
+        moments for every tolerance takes longer than a small frame."""
+        return replace(self, carried=0.0) if self.carried else self
+
+    def cost_of_look(self, t) -> float:
+        """CPU seconds of the error that the strongest bonds alone make everywhere."""
+        alone = WATCHED, self.length, 1
+        return spectral(self.costs, self.empty(t), *alone) + direct(self.costs, self.bound, self.kern, *alone)
+
+    def empty(self, t):
+        """A deposit by points for one component."""
+        return spectral_deposit(self.bound, self.kern, self.cell, 1, t, gradients=self.gradients)
 
     def cost(self, t) -> float:
         """CPU seconds; an AtcError where its mesh is too large."""
@@ -248,10 +279,7 @@ class _Spectral:
         """Beginning at `start`, with what is cheaper than the exact sum to go on with."""
         seconds, first = self._best(start)
         why = f"{seconds:.2g} s of CPU against {exact:.2g} s for the exact sum"
-        # What is computed again, which is rare, goes by points: to find the best order for every rung takes longer than
-        # a small frame.
-        points = replace(self, carried=0.0)
-        rungs = _rungs(tolerance, lambda t: points.cost(t) < exact, start)
+        rungs = _rungs(tolerance, lambda t: self.by_points.cost(t) < exact, start)
         return Method("spectral", start, _shape(first, why, self.length), rungs, order=first.order)
 
 
@@ -283,22 +311,24 @@ def adjusted(
         return method
 
 
-def _start(tolerance, ways, exact, look) -> float:
+def _start(tolerance, ways, exact, allowed, look) -> tuple[float, float]:
     """The loosest tolerance of the spectral method that the forecast expects to be enough, if a forecast is worth its
-    while."""
-    ladder, ways = _loose(tolerance), replace(ways, carried=0.0)
+    while, and the seconds a frame of that. allowed : seconds that the sum may take."""
+    ladder, ways = _loose(tolerance), ways.by_points
     if not ladder:
-        return tolerance
+        return tolerance, 0.0
     try:
         loosest = ways.cost(ladder[0])
     except AtcError:
-        return tolerance
+        return tolerance, 0.0
     try:
         tight = min(ways.cost(tolerance), exact)
     except AtcError:
         tight = exact
-    if tight - loosest < 2.0 * look.seconds:
-        return tolerance
+    seconds = look.seconds + LOOKS * ways.cost_of_look(ladder[0])
+    each = seconds / look.n_frames
+    if tight - loosest < GAIN * seconds or loosest + each >= allowed:
+        return tolerance, 0.0
     forecast, at_most = look.make(), ladder[0]
     for t in [*ladder, tolerance]:
         if t > at_most * (1 + 1e-9):
@@ -308,16 +338,16 @@ def _start(tolerance, ways, exact, look) -> float:
                 break
         except AtcError:
             break
-        error = forecast.error(replace(ways, components=1).deposit(t))
+        error = forecast.error(ways.empty(t))
         if error <= FORECAST_AIM * tolerance:
-            return t
+            return t, each
         # Errors follow the tolerance.
         at_most = max(t * FORECAST_AIM * tolerance / error, tolerance)
     # Incoherent stresses have errors as large as the tolerance allows: a little closer costs less than all of it again.
     closer = CLOSER * tolerance
     if _precisions(closer) == _precisions(tolerance) and closer in _rungs(tolerance, lambda t: ways.cost(t) < exact):
-        return closer
-    return tolerance
+        return closer, each
+    return tolerance, each
 
 
 def _loose(tolerance) -> list[float]:

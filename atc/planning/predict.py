@@ -82,6 +82,9 @@ def predict(job) -> Prediction:
                 )
                 seconds = model.spectral(costs, deposit, items, length, components, n, m if key in together else 1)
                 passing.append(model.spectral_memory(deposit, components, threads, n))
+            if key == "site" and work.squares:
+                some = bound, kern, bound.cell, items, len(work.squares)
+                seconds += model.squares(costs, *some, method, job.request.tolerance)
             parts[what] = parts.get(what, 0.0) + seconds
             # Points around the strongest bonds, where sums over bonds are approximate; see
             # `estimators.accuracy.strongest_bonds`.

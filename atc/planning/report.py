@@ -166,7 +166,7 @@ def plan(*args, **kwargs) -> Plan:
         passes=_passes(work, job),
         left_out=_left_out(work),
         method=job.method_used,
-        reason=details(job.methods),
+        reason=details(job.methods) or "counted: exact" * (not work.kernel),
         atoms=len(frame),
         frames=job.n_frames,
         points=p.points,
@@ -193,7 +193,8 @@ def plan(*args, **kwargs) -> Plan:
 def _passes(work: Work, job: Job) -> list[str]:
     out = []
     if work.bond_users and (pot := job.request.pot) is not None:
-        made = [f"Σ {_TERMS[b]} β, {BOND[b].width} components" for b in work.bond + work.reference_bond]
+        beta = "β" if work.kernel else "over |r_n| of those that cross the planes"
+        made = [f"Σ {_TERMS[b]} {beta}, {BOND[b].width} components" for b in work.bond + work.reference_bond]
         made += [f"Σ {_TERMS[p]}, 9 components" for p in work.point + work.reference_point]
         made += ["moment of the forces on each atom"] * any("atom_moment" in name for name in work.whole)
         made += ["virial of each atom"] * work.atom_virial + ["virial of the box"] * ("box_virial" in work.whole)
@@ -208,13 +209,14 @@ def _passes(work: Work, job: Job) -> list[str]:
         frame = pot.complete(job.first)
         for n, term in enumerate(sums.terms):
             on = sums.layout(n, frame)
-            what = "Coulomb" if term.carries else "dispersion"
+            what = "Coulomb" if term.prefix == "coulomb" else "dispersion"
             out.append(f"long-range {what} by its modes: {on.describe()}, {on.transforms} transforms")
     if work.summed_site:
         terms, components = ", ".join(_TERMS.get(s) or s.removeprefix("column:") for s in work.site), work.n_site
         unbiased = "; Σ m φ², what few atoms lack of thermal motion" if work.squares else ""
         wide = f"{components} component{'s' * (components != 1)}{unbiased}"
-        out.append(f"one pass over the atoms: Σ a φ for a = {terms}: {wide}")
+        what = "Σ a φ" if work.kernel else "Σ a over |d_n| of the paths d that cross the planes,"
+        out.append(f"one pass over the atoms: {what} for a = {terms}: {wide}")
     for key, gather, where in (
         ("gather", work.gather, ""),
         ("reference_gather", work.reference_gather, ", over reference positions"),

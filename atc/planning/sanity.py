@@ -23,8 +23,9 @@ def sanity(job: Job) -> None:
         require_used(wanted_units(given), have, str(given))
     for doubt in doubts(frame, temperature="velocities" in work.attributes):
         warnings.warn(f"{frame.source}: {doubt}", AtcWarning, stacklevel=3)
-    if work.grid_users and job.request.kern is not None and job.request.grid is not None:
-        spacing = grid_spacing(job.request.grid.bind(u, frame.cell, frame.positions))
+    if work.kernel_users and job.request.kern is not None and job.request.grid is not None:
+        bound = job.request.grid.bind(u, frame.cell, frame.positions)
+        spacing = 0.0 if getattr(bound, "means", False) else grid_spacing(bound)
         support = u.to_internal("length", job.request.kern.support)
         if spacing > support:
             warnings.warn(

@@ -63,6 +63,38 @@ class Completed(Over):
         return self.pot.complete(self.base[k])
 
 
+class Since(Over):
+    """Another trajectory from its second frame on, every frame with the one before it."""
+
+    def __init__(self, base: Trajectory):
+        super().__init__(base)
+        self._last: tuple = (None, None)
+
+    def __len__(self):
+        return len(self.base) - 1
+
+    def _has(self, k):
+        return self.base._has(k + 1)
+
+    def _frame(self, k):
+        before = self._last[1] if self._last[0] == k else self.base[k]
+        now = self.base[k + 1]
+        self._last = (k + 1, now)
+        return now.replace(before=before)
+
+
+def since_the_frame_before(frames):
+    """Frames, or a trajectory, from the second on, each with the one before it.
+
+    Raises
+    ------
+    AtcError : if there is one frame only
+    """
+    if len(frames) < 2:
+        raise AtcError('interval = "frames": counts what passes from frame to frame, but there is one frame only')
+    return Since(frames if isinstance(frames, Trajectory) else FrameList(frames))
+
+
 def completed(frames, pot):
     """Frames or a trajectory, as a potential's script completes them."""
     if pot is None or pot.setup is None or _is_completed(frames, pot.setup):

@@ -11,6 +11,7 @@ from ..config.toml import toml_key, toml_value
 from ..estimators.registry import hidden
 from ..frame import Cell
 from ..grids import Grid
+from ..kernels.unsmoothed import Unsmoothed
 from ..units import LAMMPS_STYLES
 
 # More points than these are not repeated in an attribute: the output holds them as coordinates.
@@ -26,7 +27,7 @@ def scene_of(job) -> str:
     sections = {
         "trajectory": _trajectory(job),
         "potential": _potential(job.request.pot),
-        "kernel": None if job.request.kern is None else {"name": job.request.kern.name, **job.request.kern.parameters},
+        "kernel": _kernel(job.request.kern),
         "grid": None if job.request.grid is None else _grid(job.request.grid, job.first.units),
         "select": _selection(job),
         "fields": {
@@ -96,6 +97,10 @@ def _selection(job) -> dict:
     return table | ({"bonds": asked.bonds} if asked.bonds != "half" else {})
 
 
+def _kernel(kern) -> dict | None:
+    return None if kern is None or isinstance(kern, Unsmoothed) else {"name": kern.name, **kern.parameters}
+
+
 def _grid(grid, units) -> dict:
     if type(grid) is not Grid:  # one's own, which scenes know nothing of
         return {"#": grid.describe()}
@@ -107,7 +112,8 @@ def _grid(grid, units) -> dict:
             return {**table, "#": f"{len(p['xyz'])} points: see the coordinates"}
         return {**table, "points": p["xyz"]}
     for key in ("shape", "spacing", "axis", "position", "origin", "u", "v", "start", "end", "n", "bins", "padding",
-                "center", "radius", "inner", "length", "follow"):  # fmt: skip
+                "means", "positions", "patches", "interval", "center", "radius", "inner", "length",
+                "follow"):  # fmt: skip
         if p.get(key) is not None:
             table[key] = "xyz"[p[key]] if key == "axis" else p[key]
     if grid.kind == "regular" and "shape" in table and table["shape"][-1] <= 0:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..estimators.columns import is_column, label
 from ..estimators.field_pass import attributes
+from ..estimators.planes import ABOUT, counted_how, through_planes
 from ..estimators.registry import hidden
 from ..estimators.settings import FrameResult
 from ..planning.job import Job, local_axes
@@ -64,6 +65,10 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     def moving(name, dims, shape, dtype, coordinate=False, **attrs):
         variables.append(Variable(name, tuple(dims), tuple(shape), dtype, attrs, coordinate=coordinate))
 
+    # The first coordinates are those that xarray's pictures name in their titles: which component it is.
+    static("i", ("i",), letters, long_name="direction of a vector; first index of a tensor")
+    if any(q.rank == 2 for q in work.quantities):
+        static("j", ("j",), letters, long_name="second index of a tensor")
     first_of = "first frame of the window" if job.request.average is not False else "frame"
     static(
         "frame",
@@ -73,14 +78,11 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     )
     moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
     moving("time", (), (), f8, True, units=u.label("time"), long_name=f"time of the {first_of}")
-    xyz = "cartesian" if axes else "i"
-    if axes:
-        static(xyz, (xyz,), cartesian, long_name="direction of the cell's vectors")
+    # Not along i, so that they are no coordinates of one component of a field.
+    xyz = "cartesian"
+    static(xyz, (xyz,), cartesian, long_name="direction of the cell's vectors")
     moving("cell", ("edge", xyz), (3, 3), f8, True, units=u.label("length"), long_name="edge vectors of the cell")
     moving("cell_origin", (xyz,), (3,), f8, True, units=u.label("length"), long_name="origin of the cell")
-    static("i", ("i",), letters, long_name="direction of a vector; first index of a tensor")
-    if any(q.rank == 2 for q in work.quantities):
-        static("j", ("j",), letters, long_name="second index of a tensor")
     if any(q.kind == "atom" for q in work.quantities):
         static("atom", ("atom",), frame.ids.astype(i8), long_name="atom id")
     apart: tuple[str, ...] = ()
@@ -105,17 +107,19 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
                 )
     tail = {0: (), 1: ("i",), 2: ("i", "j")}
     shown = [q for q in work.quantities if not hidden(q.name)]
+    crossing = through_planes(job.request.grid)
     for q in shown:
         head = apart + {"grid": grid_dims, "box": (), "atom": ("atom",)}[q.kind]
         shape = result.arrays[q.name].shape
         unit = label(q.name, u, job.request.column_units) if is_column(q.name) else u.label(q.dimension)
-        attrs = {"units": unit, "long_name": q.long_name, "sign_convention": q.sign}
+        called, said = ABOUT[q.name] if crossing and q.name in ABOUT else (q.long_name, q.comment)
+        attrs = {"units": unit, "long_name": called, "sign_convention": q.sign}
         if u.dimension == 2:
             attrs["dimension"] = 2
         if apart:
             attrs["of_species"] = "each one's own" if q.weight is not None else "shares that add up"
-        comment = [_in_plane(q.comment) if u.dimension == 2 else q.comment] if q.comment else []
-        if why := described(job.request.velocity, q):
+        comment = [_in_plane(said) if u.dimension == 2 else said] if said else []
+        if why := "" if crossing else described(job.request.velocity, q):
             comment.append(why)
         if job.request.average is not False:
             of = f"<w X>/<w>, w the {_WEIGHTS[q.weight]}" if q.weight else "of the fields of the frames"
@@ -128,7 +132,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
                 shape,
                 f8,
                 units=attrs["units"],
-                long_name=f"standard error of {q.long_name}",
+                long_name=f"standard error of {called}",
                 sign_convention="positive",
                 comment="by block averaging; a lower bound where the blocks still correlate",
             )
@@ -177,7 +181,9 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             horizon_units=u.label("length"),
         )
     if bound is not None and not work.kernel_users:
-        attrs.update(method=job.method_used, grid=_grid_name(job.request.grid))
+        attrs.update(method="counted" if crossing else job.method_used, grid=_grid_name(job.request.grid))
+        if crossing and work.site:
+            attrs["passages_counted"] = counted_how(job.request.grid, job.request.pot, u)
     elif bound is not None and job.request.kern is not None:
         attrs.update(
             kernel=job.request.kern.describe(),
@@ -186,7 +192,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             method=job.method_used,
             grid=_grid_name(job.request.grid),
         )
-    if any(q.thermal for q in shown):
+    if any(q.thermal for q in shown) and not crossing:
         attrs["thermal_motion"] = f"relative to: {job.request.velocity}"
     if work.bond_users and job.request.pot is not None:
         attrs["decomposition"] = job.request.pot.describe()

@@ -3,13 +3,21 @@ middle of what must be done whole."""
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import os
 import signal
+import sys
 import threading
+import time
 
 #: What each signal is called in messages.
 _WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal has gone"}
+#: Packages in the middle of which nothing may be raised: HDF5 loses an exception or makes another one of it, and so do
+#: callbacks of weak references.
+_FRAGILE = {"h5py", "h5netcdf", "weakref", "_weakrefset"}
+#: Seconds until a signal that came in the middle of these is tried again.
+_AGAIN_AFTER = 0.01
 
 
 class Stopped(KeyboardInterrupt):
@@ -33,43 +41,93 @@ class _Watch:
         self.held = 0
         self.pending: int | None = None
         self.heard = 0
+        self.again = False
 
     def __call__(self, number, frame):
-        self.heard += 1
-        if self.heard > 1:
-            _at_once(number)
-        self.pending = number
-        if not self.held:
+        if self.again:
+            self.again = False
+            if self.pending is None:  # raised meanwhile
+                return
+        else:
+            self.heard += 1
+            if self.heard > 1:
+                _at_once(number)
+            self.pending = number
+        if self.held:
+            return
+        if _within(frame, _FRAGILE):
+            self.try_again(number)
+        else:
             self.raise_pending()
 
     def raise_pending(self):
         global _last
         number, self.pending = self.pending, None
         if number is not None:
-            _last = Stopped(number)
-            raise _last
+            _last = number
+            # Not kept: its traceback would hold whatever the interrupted functions had open.
+            raise Stopped(number)
+
+    def try_again(self, number):
+        """Have the signal come once more in a moment."""
+
+        def send():
+            time.sleep(_AGAIN_AFTER)
+            if _watch is not self:
+                return
+            self.again = True
+            main = threading.main_thread().ident
+            if hasattr(signal, "pthread_kill") and main is not None:  # ends waiting, too
+                signal.pthread_kill(main, number)
+            else:
+                _thread.interrupt_main(number)
+
+        # In a signal handler no lock may be waited for, as `threading` does.
+        _thread.start_new_thread(send, ())
+
+    def unraisable(self, before):
+        """A hook that hears of exceptions which Python cannot raise where they come up: one that says to stop is
+        raised again."""
+
+        def hook(what):
+            if issubclass(what.exc_type, Stopped) and what.exc_value is not None:
+                self.pending = what.exc_value.number
+                self.try_again(self.pending)
+            else:
+                before(what)
+
+        return hook
 
 
 _watch: _Watch | None = None
-_last: Stopped | None = None
+_last: int | None = None
 
 
 def last() -> Stopped | None:
-    """The signal that stopped this process last: command-line libraries turn every KeyboardInterrupt into one of their
-    own."""
-    return _last
+    """The signal that stopped this process last: libraries turn a KeyboardInterrupt into exceptions of their own."""
+    return None if _last is None else Stopped(_last)
+
+
+def _within(frame, packages) -> bool:
+    """Whether a function of these packages is being executed."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").partition(".")[0] in packages:
+            return True
+        frame = frame.f_back
+    return False
 
 
 @contextlib.contextmanager
 def watched(names=tuple(_WORDS)):
     """Around a command: signals that ask to stop raise `Stopped`. Only in the main thread, and only where nobody else
     handles them."""
-    global _watch
+    global _watch, _last
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {}
-    _watch = _Watch()
+    before, hook = {}, sys.unraisablehook
+    _watch, _last = _Watch(), None
+    sys.unraisablehook = _watch.unraisable(hook)
     for name in names:
         number = getattr(signal, name, None)
         # nohup: who is told to ignore a signal ignores it.
@@ -78,9 +136,9 @@ def watched(names=tuple(_WORDS)):
     try:
         yield
     finally:
+        _watch, sys.unraisablehook = None, hook
         for number, handler in before.items():
             signal.signal(number, handler)
-        _watch = None
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ from ..errors import AtcError, AtcWarning, logger
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
+from ..estimators.planes import through_planes
 from ..estimators.registry import QUANTITIES, hidden
 from ..estimators.settings import FrameResult
 from ..estimators.statistics import BlockAverage
@@ -320,8 +321,8 @@ def _agreement(job: Job, store) -> str:
 
 def _input_errors(job: Job, store, anchor) -> tuple[float, dict[str, float]]:
     """See `estimators.accuracy.input_error`; once a run, on the first frame."""
-    if not job.work.grid_users:
-        return 0.0, {}
+    if not job.work.grid_users or through_planes(job.request.grid):
+        return 0.0, {}  # atoms are on one side of a plane, or on the other
     known = store.recall("input_error") if store is not None else None
     if known is None:
         from ..estimators.accuracy.input_error import input_errors

@@ -103,7 +103,7 @@ def from_script(pot, reference, made, indenter=None) -> FromScript:
 
 def _with_groups(pot, reference, names):
     """The reference with who is in which group of the script; those of `names` behind those that it needs anyway."""
-    setup = replace(pot.setup, groups=(*pot.setup.groups, *names))
+    setup = replace(pot.setup, groups=(*pot.setup.groups, *names), if_known=frozenset())
     try:
         return setup.complete(reference)
     except AtcError as e:

@@ -3,434 +3,21 @@ constants and residuals."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from ..errors import AtcError
 from .crystal import Crystal, relax, response
-from .elasticity import GPA, ElasticConstants, elastic_constants
-from .force_constants import ForceConstants, force_constants, frequency_unit, signed_root, supercell_repeat
-from .matching import FRACTIONS, MODELS, Match, is_cubic, make_model, match
-from .vibrations import Measured, measure
+from .dispersion_result import Dispersion, Ray
+from .elasticity import elastic_constants
+from .force_constants import force_constants, frequency_unit, signed_root, supercell_repeat
+from .matching import FRACTIONS, MODELS, is_cubic, make_model, match
+from .vibrations import measure
+from .zone import outside_zone, zone_path
 
 DIRECTIONS = ((1, 0, 0), (1, 1, 0), (1, 1, 1))
 _POINTS = 61
-
-
-@dataclass
-class Ray:
-    """Frequencies along one direction (ω in internal units, ascending; imaginary ones negative)."""
-
-    direction: tuple
-    boundary: float
-    fractions: np.ndarray
-    k_kc: np.ndarray
-    lattice_km: np.ndarray | None = None
-    velocity_km: np.ndarray | None = None
-    phonopy_km: np.ndarray | None = None
-    models: dict = field(default_factory=dict)
-
-    @property
-    def label(self) -> str:
-        return "[" + "".join(f"{d:g}" for d in self.direction) + "]"
-
-
-@dataclass
-class Dispersion:
-    """What `dispersion` found. Internal units; `table`, `json`, `dataset` and `picture` are in the user's.
-
-    crystal : at the lattice constant everything refers to. stress : pressure there (compression positive, user's unit),
-        None without a potential.
-    """
-
-    crystal: Crystal
-    rays: list[Ray]
-    fc: ForceConstants | None = None
-    elastic: ElasticConstants | None = None
-    pressure: float | None = None
-    relaxed: Crystal | None = None
-    matches: list[Match] = field(default_factory=list)
-    measured: Measured | None = None
-    phonopy_difference: float | None = None
-    potential: str = ""
-    notes: list = field(default_factory=list)
-    scene: str = ""
-
-    # ---- words
-
-    def rows(self) -> list[tuple[str, str]]:
-        """(what, text) to print."""
-        u = self.crystal.units
-        length = u.label("length")
-        unit, factor = frequency_unit(u)
-        out = [("crystal", f"{self.crystal.name}, lattice constant {self.crystal.lattice_constant:.7g} {length}")]
-        if self.pressure is not None:
-            at_zero = (
-                f"; {self.relaxed.lattice_constant:.7g} {length} at zero pressure" if self.relaxed is not None else ""
-            )
-            out.append(("pressure", f"{self.pressure:.4g} {u.label('pressure')}{at_zero}"))
-        if self.fc is not None:
-            how = {
-                "analytic": "second derivatives of the pair potential",
-                "displacements": "displaced atoms, sixth order",
-            }[self.fc.method]
-            out.append(
-                (
-                    "force constants",
-                    f"{len(self.fc.i)} bonds up to {u.to_user('length', self.fc.reach):.4g} {length}; {how}",
-                )
-            )
-        if self.elastic is not None:
-            scale, name = (1.0 / u.pressure, u.label("pressure")) if u.reduced else (GPA, "GPa")
-            c = self.elastic.C_vv * scale
-            if is_cubic(self.elastic, 1e-5):
-                c11, c12, c44 = (x * scale for x in self.elastic.cubic)
-                born = self.elastic.born_vv[3, 3] * scale
-                more = f" (C44 {born:.4g} if the basis could not relax)" if abs(born / c44 - 1) > 1e-6 else ""
-                out.append(("elastic constants", f"C11 {c11:.4f}, C12 {c12:.4f}, C44 {c44:.4f} {name}{more}"))
-            else:
-                out += [
-                    (
-                        "elastic constants" if a == 0 else "",
-                        " ".join(f"{x:10.4f}" for x in row) + (f"  {name}" if a == 0 else ""),
-                    )
-                    for a, row in enumerate(c)
-                ]
-        for ray in self.rays:
-            if ray.lattice_km is not None:
-                ends = ", ".join(f"{x:.6g}" if x >= 0 else f"{-x:.6g}i" for x in factor * ray.lattice_km[-1])
-                out.append((f"{ray.label} boundary", f"{ends} {unit}"))
-        if self.phonopy_difference is not None:
-            out.append(("phonopy", f"agrees to {factor * self.phonopy_difference:.1e} {unit}"))
-        return out
-
-    def tables(self) -> list[str]:
-        """Text tables: models and measured points."""
-        u = self.crystal.units
-        unit, factor = frequency_unit(u)
-        lines = []
-        if self.matches:
-            lines.append("relative error of ω (%), rms over the branches, at fractions of the zone boundary:")
-            head = "".join(f"{f:>9g}" for f in self.matches[0].fractions)
-            lines.append(f"  {'model':<26}{head}{'all':>9}{'zone':>9}{'min ω²':>10}{'stable step':>14}")
-            for m in self.matches:
-                cells = "".join(f"{100 * x:9.3f}" for x in np.sqrt((m.error_bf**2).mean(axis=0)))
-                step = u.to_user("time", m.stable_step)
-                low = f"{m.min_omega2:10.2e}" if m.stable else f"{m.min_omega2:9.1e}!"
-                lines.append(
-                    f"  {m.label:<26}{cells}{100 * m.rms:9.3f}{100 * m.band:9.3f}{low}{step:11.4g} {u.label('time')}"
-                )
-            lines.append(
-                "  (zone: rms over the whole zone; min ω²: smallest beyond the first zone up to 4·2π/a, of the "
-                "crystal's largest; ! marks an unstable model; steps are 2/ω_max)"
-            )
-        r = self.measured
-        if r is not None:
-            temperature = f"{r.temperature:.4g} {u.label('temperature')}"
-            lines.append(
-                f"measured in {r.source.rsplit(' frame ', 1)[0]}: {r.frames} frames, {temperature}, errors from "
-                f"{r.blocks} blocks; {unit}:"
-            )
-            lines.append(f"  {'k':<14}{'harmonic':>10}{'ratio':>20}{'spectrum':>20}")
-            harmonic = self.fc.frequencies(r.k_kc) if self.fc is not None else np.full(r.ratio_km.shape, np.nan)
-            for p in range(len(r.k_kc)):
-                for m in range(r.ratio_km.shape[1]):
-                    place = f"{self.rays[r.ray_k[p]].label} {r.fraction_k[p]:.4g}" if m == 0 else ""
-                    lines.append(
-                        f"  {place:<14}{_number(factor * harmonic[p, m]):>10}"
-                        f"{_pm(factor * r.ratio_km[p, m], factor * r.ratio_error_km[p, m]):>20}"
-                        f"{_pm(factor * r.spectrum_km[p, m], factor * r.spectrum_error_km[p, m]):>20}"
-                    )
-        return lines
-
-    def print(self, console) -> None:
-        for key, text in self.rows():
-            console.print(f"{key:<18}  {text}", soft_wrap=True)
-        for line in self.tables():
-            console.print(line, soft_wrap=True)
-        for note in self.notes:
-            console.print(f"note: {note}", soft_wrap=True)
-
-    def json(self) -> str:
-        """Everything as JSON: frequencies in THz (1/tau in reduced units), lengths in the user's unit, elastic
-        constants in the user's pressure unit."""
-        u, (unit, factor) = self.crystal.units, frequency_unit(self.crystal.units)
-
-        def clean(x):
-            return (
-                [clean(v) for v in x]
-                if isinstance(x, (list, tuple, np.ndarray))
-                else (None if x is None or not np.isfinite(x) else float(x))
-            )
-
-        out = {
-            "crystal": self.crystal.name,
-            "lattice_constant": self.crystal.lattice_constant,
-            "length_unit": u.label("length"),
-            "frequency_unit": unit,
-            "pressure": self.pressure,
-            "pressure_unit": u.label("pressure"),
-            "relaxed_lattice_constant": self.relaxed.lattice_constant if self.relaxed is not None else None,
-            "elastic_constants": clean(self.elastic.to_user()) if self.elastic is not None else None,
-            "phonopy_difference": clean(factor * self.phonopy_difference)
-            if self.phonopy_difference is not None
-            else None,
-            "potential": self.potential,
-            "notes": self.notes,
-            "rays": [
-                {"direction": list(ray.direction), "fractions": clean(ray.fractions)}
-                | ({"lattice": clean(factor * ray.lattice_km)} if ray.lattice_km is not None else {})
-                | {name: clean(factor * x) for name, x in ray.models.items()}
-                for ray in self.rays
-            ],
-            "models": [
-                {
-                    "label": m.label,
-                    "branches": m.branches,
-                    "fractions": clean(m.fractions),
-                    "relative_error": clean(m.error_bf),
-                    "rms": m.rms,
-                    "rms_zone": m.band,
-                    "velocity_error": clean(m.velocity_error_bf),
-                    "min_omega2": m.min_omega2,
-                    "stable": m.stable,
-                    "stable_step": float(u.to_user("time", m.stable_step)),
-                    "time_unit": u.label("time"),
-                }
-                for m in self.matches
-            ],
-        }
-        r = self.measured
-        if r is not None:
-            out["measured"] = {
-                "direction": [list(self.rays[p].direction) for p in r.ray_k],
-                "fraction": clean(r.fraction_k),
-                "ratio": clean(factor * r.ratio_km),
-                "ratio_error": clean(factor * r.ratio_error_km),
-                "spectrum": clean(factor * r.spectrum_km),
-                "spectrum_error": clean(factor * r.spectrum_error_km),
-                "temperature": r.temperature,
-                "frames": r.frames,
-                "blocks": r.blocks,
-            }
-        return json.dumps(out, indent=2)
-
-    # ---- data
-
-    def dataset(self):
-        """An `xarray.Dataset`: curves over (ray, point, branch), measured points over (k, branch), residuals over
-        (model, residual_branch, fraction)."""
-        import xarray as xr
-
-        from .. import __version__
-
-        u, (unit, factor) = self.crystal.units, frequency_unit(self.crystal.units)
-        modes = 3 * len(self.crystal)
-        hz = {"units": unit, "long_name": "frequency ω/2π; imaginary ones negative"}
-        per_length = {"units": f"1/{u.label('length')}"}
-        k_user = 1.0 / u.to_user("length", 1.0)
-        data, coords = {}, {"branch": np.arange(modes), "c": ["x", "y", "z"], "ray": [r.label for r in self.rays]}
-        stack = lambda get: np.stack([get(r) for r in self.rays])  # noqa: E731
-        coords["fraction"] = (
-            "point",
-            self.rays[0].fractions,
-            {"units": "1", "long_name": "|k| over the zone boundary's"},
-        )
-        data["wave_vector"] = (("ray", "point", "c"), stack(lambda r: r.k_kc) * k_user, per_length)
-        if self.fc is not None:
-            data["frequency"] = (("ray", "point", "branch"), factor * stack(lambda r: r.lattice_km), hz)
-            slope = u.to_user("velocity", stack(lambda r: r.velocity_km))
-            data["group_velocity"] = (
-                ("ray", "point", "branch"),
-                slope,
-                {"units": u.label("velocity"), "long_name": "dω/d|k| along the ray"},
-            )
-        if all(r.phonopy_km is not None for r in self.rays):
-            data["frequency_phonopy"] = (("ray", "point", "branch"), factor * stack(lambda r: r.phonopy_km), hz)
-        names = list(self.rays[0].models)
-        if names:
-            coords["model"] = names
-            curves = np.full((len(names), len(self.rays), len(self.rays[0].fractions), modes), np.nan)
-            for a, name in enumerate(names):
-                values = stack(lambda r, name=name: r.models[name])
-                curves[a, ..., : values.shape[-1]] = factor * values
-            data["frequency_model"] = (("model", "ray", "point", "branch"), curves, hz)
-        if self.matches:
-            coords["residual_branch"] = self.matches[0].branches
-            coords["residual_fraction"] = self.matches[0].fractions
-            get = lambda name: np.array([getattr(m, name) for m in self.matches])  # noqa: E731
-            dims = ("model", "residual_branch", "residual_fraction")
-            data["relative_error"] = (
-                dims,
-                get("error_bf"),
-                {"units": "1", "long_name": "ω of the model over ω of the crystal, minus 1"},
-            )
-            data["velocity_error"] = (
-                dims,
-                get("velocity_error_bf"),
-                {"units": "1", "long_name": "error of dω/dk over the speed of sound"},
-            )
-            data["rms_error"] = (
-                "model",
-                get("rms"),
-                {"units": "1", "long_name": "rms of relative_error over branches and fractions"},
-            )
-            data["rms_error_zone"] = ("model", get("band"), {"units": "1", "long_name": "the same over the whole zone"})
-            data["min_omega2"] = (
-                "model",
-                get("min_omega2"),
-                {"units": "1", "long_name": "smallest ω² beyond the zone over the crystal's largest"},
-            )
-            data["stable_step"] = (
-                "model",
-                u.to_user("time", get("stable_step")),
-                {"units": u.label("time"), "long_name": "2/ω_max"},
-            )
-        if self.elastic is not None:
-            coords["voigt_1"] = coords["voigt_2"] = ["xx", "yy", "zz", "yz", "xz", "xy"]
-            press = {"units": u.label("pressure")}
-            data["elastic_constants"] = (
-                ("voigt_1", "voigt_2"),
-                self.elastic.to_user(),
-                {**press, "long_name": "C, basis relaxed"},
-            )
-            data["elastic_constants_born"] = (
-                ("voigt_1", "voigt_2"),
-                self.elastic.to_user("born_vv"),
-                {**press, "long_name": "C, basis clamped"},
-            )
-        r = self.measured
-        if r is not None:
-            data["measured_wave_vector"] = (("k", "c"), r.k_kc * k_user, per_length)
-            data["measured_ray"] = ("k", r.ray_k)
-            data["measured_fraction"] = ("k", r.fraction_k, {"units": "1"})
-            for name, label in (
-                ("ratio", "from the ratio of velocities and displacements"),
-                ("ratio_error", "its standard error"),
-                ("spectrum", "peak of the velocity spectrum"),
-                ("spectrum_error", "its standard error"),
-            ):
-                data[f"measured_{name}"] = (
-                    ("k", "branch"),
-                    factor * getattr(r, f"{name}_km"),
-                    {"units": unit, "long_name": label},
-                )
-            if r.current_kcf is not None:
-                coords["spectrum_frequency"] = ("frequency_bin", factor * r.frequency_f, {"units": unit})
-                coords["polarisation"] = ["longitudinal", "transverse"]
-                data["current_spectrum"] = (
-                    ("k", "polarisation", "frequency_bin"),
-                    r.current_kcf,
-                    {"units": "arbitrary", "long_name": "power of the mass current"},
-                )
-        attrs = {
-            "atc_version": __version__,
-            "crystal": self.crystal.name,
-            "lattice_constant": self.crystal.lattice_constant,
-            "length_unit": u.label("length"),
-            "potential": self.potential,
-            "notes": "; ".join(self.notes),
-            "scene": self.scene,
-        }
-        if self.pressure is not None:
-            attrs["pressure"] = self.pressure
-        if self.phonopy_difference is not None:
-            attrs["phonopy_difference"] = float(factor * self.phonopy_difference)
-        if r is not None:
-            attrs |= {
-                "source": Path(r.source.split(" frame ")[0]).name,
-                "temperature": r.temperature,
-                "frames": r.frames,
-                "blocks": r.blocks,
-            }
-        return xr.Dataset(data, coords, attrs)
-
-    def save(self, path) -> None:
-        """Write the dataset: .nc or .zarr."""
-        from ..running.whole import write_dataset
-
-        write_dataset(self.dataset(), path)
-
-    # ---- picture
-
-    def figure(self):
-        """A matplotlib Figure: one panel a direction; lattice, phonopy, models, measured points with error bars."""
-        from matplotlib.figure import Figure
-
-        unit, factor = frequency_unit(self.crystal.units)
-        figure = Figure(figsize=(4.0 * len(self.rays) + 1.2, 5.2), layout="constrained")
-        panels = np.atleast_1d(figure.subplots(1, len(self.rays), sharey=True))
-        top = 0.0
-        for a, (axes, ray) in enumerate(zip(panels, self.rays)):
-            if ray.lattice_km is not None:
-                axes.plot(ray.fractions, factor * ray.lattice_km, color="black", linewidth=1.6, label="lattice")
-                top = max(top, factor * ray.lattice_km.max())
-            if ray.phonopy_km is not None:
-                axes.plot(
-                    ray.fractions[::3], factor * ray.phonopy_km[::3], ".", color="0.5", markersize=4, label="phonopy"
-                )
-            for m, (name, values) in enumerate(ray.models.items()):
-                style = {"color": f"C{m}", "linewidth": 1.0, "linestyle": ("--", "-.", ":", (0, (5, 1)))[m % 4]}
-                axes.plot(ray.fractions, factor * values, **style, label=name)
-            r = self.measured
-            if r is not None:
-                here = r.ray_k == a
-                for kind, marker, color in (("ratio", "o", "C3"), ("spectrum", "x", "C0")):
-                    y, e = (factor * getattr(r, f"{kind}{s}_km")[here] for s in ("", "_error"))
-                    x = np.repeat(r.fraction_k[here], y.shape[1])
-                    label = {"ratio": "trajectory: velocities/displacements", "spectrum": "trajectory: spectra"}[kind]
-                    axes.errorbar(
-                        x,
-                        y.ravel(),
-                        yerr=e.ravel(),
-                        fmt=marker,
-                        color=color,
-                        markersize=5,
-                        markerfacecolor="none",
-                        capsize=2,
-                        linewidth=0.9,
-                        label=label,
-                        zorder=3,
-                    )
-                    top = max(top, np.nanmax(y, initial=0.0))
-            axes.set_xlabel(f"k along {ray.label} / zone boundary")
-            axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
-        panels[0].set_ylabel(f"frequency ({unit})")
-        low = min((factor * ray.lattice_km.min() for ray in self.rays if ray.lattice_km is not None), default=0.0)
-        panels[0].set_ylim(min(1.1 * low, 0.0), 1.15 * top or None)
-        handles = {}
-        for axes in panels:
-            for handle, label in zip(*axes.get_legend_handles_labels()):
-                handles.setdefault(label, handle)
-        figure.legend(handles.values(), handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
-        title = f"{self.crystal.name}, a = {self.crystal.lattice_constant:.5g} {self.crystal.units.label('length')}"
-        if self.measured is not None:
-            title += f"; trajectory at {self.measured.temperature:.3g} {self.crystal.units.label('temperature')}"
-        figure.suptitle(title)
-        return figure
-
-    def picture(self, path) -> Path:
-        """Draw `figure` into a file; returns the path."""
-        from ..pictures.drawing import save
-
-        path = Path(path)
-        save(self.figure(), path)
-        return path
-
-
-def _number(x) -> str:
-    return "" if not np.isfinite(x) else f"{x:.4f}" if x >= 0 else f"{-x:.4f}i"
-
-
-def _pm(x, e) -> str:
-    return "–" if not np.isfinite(x) else f"{x:.4f} ± {e:.4f}"
-
-
-# --------------------------------------------------------------------------------------------------------------------
 
 
 def dispersion(
@@ -439,6 +26,7 @@ def dispersion(
     traj=None,
     *,
     directions: Sequence = DIRECTIONS,
+    path: str | None = None,
     models: Sequence[str] = (),
     lattice_constant="auto",
     horizon=None,
@@ -449,6 +37,8 @@ def dispersion(
     phonopy: bool = True,
     blocks: int = 5,
     timestep=None,
+    linewidths: str | None = None,
+    structure_factors: bool = False,
 ) -> Dispersion:
     """Phonon dispersion of a crystal: of its force constants, by phonopy, of peridynamic models, and measured in a
     trajectory.
@@ -459,6 +49,8 @@ def dispersion(
     model : potential of `atc.potential`, or an ASE calculator; None: the trajectory alone
     traj : trajectory of the vibrating crystal, or None
     directions : rays in the conventional cell
+    path : instead of directions, a path through the zone by the names of its points, "auto", "seekpath" or such as
+        "Γ-X-W-K-Γ-L"; see `zone.zone_path`
     models : of `atc.upscaling.matching.MODELS` (cubic crystals)
     lattice_constant : "auto" (the trajectory's if there is one, else "relaxed"), "relaxed" (zero pressure), or a length
         in the user's unit
@@ -467,6 +59,8 @@ def dispersion(
     knots, order : see the same
     phonopy : whether to run phonopy too
     blocks, timestep : see `vibrations.measure`
+    linewidths : "lorentzian" or "oscillator": fit the lines of the trajectory's modes (`lineshapes`)
+    structure_factors : S(q), S(q, ω) and currents of the trajectory at its wave vectors (`structure_factors`)
 
     Returns
     -------
@@ -486,6 +80,9 @@ def dispersion(
         raise AtcError(f"model {unknown[0]!r}: expected some of {', '.join(MODELS)}")
     if model is None and traj is None:
         raise AtcError("there is nothing to compute: give a potential, a trajectory or both")
+    if traj is None and (linewidths is not None or structure_factors):
+        what = "linewidths" if linewidths is not None else "structure_factors"
+        raise AtcError(f"{what} are measured in a run: give a trajectory")
     if model is None and models:
         raise AtcError(f"model {models[0]!r} is fitted to force constants: give a potential")
     if model is not None and hasattr(model, "units"):
@@ -507,8 +104,17 @@ def dispersion(
 
     if traj is not None:
         out.measured = measure(
-            traj, crystal, directions, fc=constants if model is not None else None, blocks=blocks, timestep=timestep
+            traj,
+            crystal,
+            directions if path is None else zone_path(crystal, path),
+            fc=constants if model is not None else None,
+            blocks=blocks,
+            timestep=timestep,
+            lines=linewidths,
         )
+        if structure_factors:
+            q = np.unique(np.round(out.measured.k_kc, 12), axis=0) / u.to_user("length", 1.0)
+            out.structure_factors = _structure_factors(traj, q, timestep)
         notes += out.measured.notes
         if lattice_constant == "auto":
             crystal = out.measured.crystal
@@ -527,10 +133,14 @@ def dispersion(
         except AtcError as e:
             notes.append(str(e))
     out.crystal = crystal
-    for d in directions:
+    fractions = np.linspace(0.0, 1.0, _POINTS)
+    for d in directions if path is None else ():
         boundary = crystal.zone_boundary(d)
-        fractions = np.linspace(0.0, 1.0, _POINTS)
         out.rays.append(Ray(tuple(d), boundary, fractions, fractions[:, None] * boundary * crystal.direction(d)))
+    for segment in () if path is None else zone_path(crystal, path):
+        a, b = segment.k_ec
+        k = a + fractions[:, None] * (b - a)
+        out.rays.append(Ray((b - a) / segment.length, segment.length, fractions, k, ends=segment.ends))
     if model is None:
         return out
     made = []
@@ -551,21 +161,23 @@ def dispersion(
         from .phonopy_bridge import frequencies, phonopy_of
 
         bands = phonopy_of(crystal, model, supercell_repeat(crystal, 2.0 * out.fc.reach * 1.0001))
-        _, factor = frequency_unit(u)
+        _, hertz = frequency_unit(u)
     for ray in out.rays:
         ray.lattice_km = out.fc.frequencies(ray.k_kc)
-        ray.velocity_km = out.fc.group_velocities(ray.k_kc, crystal.direction(ray.direction))
+        along = crystal.direction(ray.direction) if ray.ends is None else ray.direction
+        ray.velocity_km = out.fc.group_velocities(ray.k_kc, along)
         if bands is not None:
-            ray.phonopy_km = frequencies(bands, crystal, ray.k_kc) / factor
+            ray.phonopy_km = frequencies(bands, crystal, ray.k_kc) / hertz
         for m in made:
             values = signed_root(np.linalg.eigvalsh(m.dynamical_matrix(ray.k_kc)))
             # A coarse lattice stands for the waves of its own zone only.
-            beyond = ray.fractions > 1.0000001 / getattr(getattr(m, "basis", None), "factor", 1)
+            factor = getattr(getattr(m, "basis", None), "factor", 1)
+            beyond = ray.fractions > 1.0000001 / factor if ray.ends is None else outside_zone(crystal, ray.k_kc, factor)
             ray.models[m.label] = np.where(beyond[:, None], np.nan, values)
     if bands is not None:
         # As sets: branches are in ascending order in both; near k = 0 the root of rounding is left out.
-        out.phonopy_difference = float(max(np.abs(r.phonopy_km - r.lattice_km)[1:].max() for r in out.rays))
-    worst = min(r.lattice_km[1:].min() for r in out.rays)
+        out.phonopy_difference = float(max(np.abs(r.phonopy_km - r.lattice_km)[r.moving].max() for r in out.rays))
+    worst = min(r.lattice_km[r.moving].min() for r in out.rays)
     if worst < -1e-6 * max(r.lattice_km.max() for r in out.rays):
         unit, factor = frequency_unit(u)
         notes.append(
@@ -573,6 +185,18 @@ def dispersion(
             "tables and pictures)"
         )
     return out
+
+
+def _structure_factors(traj, q, timestep):
+    """Structure factors at wave vectors of the run, S(q) only where its frames make no spectra."""
+    from .structure_factors import structure_factors
+
+    try:
+        return structure_factors(traj, q, timestep=timestep)
+    except AtcError as e:
+        if "time" not in str(e):
+            raise
+        return structure_factors(traj, q, lags=0)
 
 
 def _basis_at_rest(crystal: Crystal, model) -> Crystal:
@@ -612,11 +236,15 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
     a = get("lattice_constant")
     fixed = a if get("keep_lattice_constant", False) else "auto"
     directions = [tuple(d) for d in get("directions", [list(d) for d in DIRECTIONS])]
+    path = get("path")
+    if path is not None and get("directions") is not None:
+        raise AtcError(f"{scene.where('dispersion', 'path')}: [dispersion] give path or directions, not both")
     out = dispersion(
         crystal,
         pot,
         traj,
         directions=directions,
+        path=path,
         models=get("models", []),
         lattice_constant=fixed,
         horizon=get("horizon"),
@@ -627,6 +255,8 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
         phonopy=get("phonopy", True),
         blocks=get("blocks", 5),
         timestep=get("timestep"),
+        linewidths=get("linewidths"),
+        structure_factors=get("structure_factors", False),
     )
     out.scene = scene.to_toml()
     return out

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 
 from ..errors import AtcError
 from .crystal import Crystal, forces
-from .force_constants import THZ, ForceConstants
+from .force_constants import THZ, ForceConstants, supercell_repeat
 
 
 def phonopy_of(crystal: Crystal, model, repeat, *, distance: float = 1e-4):
@@ -64,6 +67,70 @@ def frequencies(phonon, crystal: Crystal, k_kc) -> np.ndarray:
     """(k, 3n) THz (or 1/tau), ascending, imaginary ones negative, of wave vectors in Cartesian coordinates."""
     q = np.atleast_2d(k_kc) @ crystal.vectors.T / (2 * np.pi)
     return np.array(phonon.run_qpoints(q).frequencies)
+
+
+def write_phonopy(fc: ForceConstants, folder, segments=None, points: int = 51) -> list:
+    """Write force constants as phonopy has them: `phonopy.yaml` and `FORCE_CONSTANTS`, which phonopy and Euphonic read,
+    and `band.yaml` along a path.
+
+    Parameters
+    ----------
+    fc : ForceConstants, in physical units
+    folder : made if it is not there
+    segments : list of `zone.Segment` for band.yaml; None: no band.yaml
+    points : on each segment
+
+    Returns
+    -------
+    list of Path. The supercell is so large that every k is exact. Types without a name are called after the element of
+    their mass, to 0.01 amu, or else H, He, … in turn; masses are in the files whatever the names.
+    """
+    from pathlib import Path
+
+    from phonopy.file_IO import write_FORCE_CONSTANTS
+
+    crystal = fc.crystal
+    if crystal.units.reduced:
+        raise AtcError(
+            f"{crystal.name}: phonopy's files are in eV, Å and amu, but this crystal is in reduced units (lj)"
+        )
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    named = replace(fc, crystal=replace(crystal, type_names=_elements(crystal) | dict(crystal.type_names)))
+    phonon = phonopy_from(named, supercell_repeat(crystal, 2.0 * fc.reach * 1.0001))
+    out = [folder / "phonopy.yaml", folder / "FORCE_CONSTANTS"]
+    phonon.save(out[0], settings={"force_sets": False, "displacements": False, "force_constants": False})
+    write_FORCE_CONSTANTS(phonon.force_constants, filename=out[1])
+    if segments:
+        t = np.linspace(0.0, 1.0, points)[:, None]
+        q = [(s.k_ec[0] + t * (s.k_ec[1] - s.k_ec[0])) @ crystal.vectors.T / (2 * np.pi) for s in segments]
+        joined = [a.ends[1] == b.ends[0] for a, b in pairwise(segments)] + [False]
+        labels = [segments[0].ends[0]]
+        for s, nxt, on in zip(segments, [*segments[1:], None], joined):
+            labels += [s.ends[1]] if on or nxt is None else [s.ends[1], nxt.ends[0]]
+        phonon.run_band_structure(
+            q, path_connections=joined, labels=[_tex(x) for x in labels], with_group_velocities=True
+        )
+        out.append(folder / "band.yaml")
+        phonon.write_yaml_band_structure(filename=out[-1])
+    return out
+
+
+def _elements(crystal) -> dict:
+    """{type: symbol} of types whose mass is that of one element."""
+    from phonopy.structure.atomic_data import get_atomic_data
+
+    known = [(entry[1], entry[3]) for entry in get_atomic_data().atom_data if entry[3]]
+    out = {}
+    for t, m in zip(crystal.types.tolist(), crystal.masses):
+        near = [symbol for symbol, mass in known if abs(mass - m) < 0.01]
+        if len(near) == 1:
+            out[t] = near[0]
+    return out
+
+
+def _tex(label: str) -> str:
+    return "$\\Gamma$" if label == "Γ" else f"${label[0]}_{label[1:]}$" if len(label) > 1 else label
 
 
 def _phonopy(crystal, repeat):

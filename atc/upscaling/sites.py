@@ -116,6 +116,20 @@ def star(k, cubic: bool) -> np.ndarray:
     return np.array(out)
 
 
+def different(crystal: Crystal, k_kc) -> np.ndarray:
+    """Those of wave vectors that are no other's ±k plus a reciprocal vector: the first of each kind."""
+    whole = lambda d: np.abs(d - np.rint(d)).max(axis=-1) < 1e-6  # noqa: E731
+    s = np.atleast_2d(k_kc) @ crystal.vectors.T / (2 * np.pi)
+    keep = [i for i in range(len(s)) if not (whole(s[i] - s[:i]) | whole(s[i] + s[:i])).any()]
+    return np.atleast_2d(k_kc)[keep]
+
+
+def halved(crystal: Crystal, k) -> bool:
+    """Whether k is half a reciprocal vector: k and −k are one wave, and its amplitudes real."""
+    s = k @ crystal.vectors.T / np.pi
+    return bool(np.abs(s - np.rint(s)).max() < 1e-6)
+
+
 def commensurate(sites: Sites, direction, limit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Wave vectors along `direction` that fit into the supercell, up to `limit` times the zone boundary: fractions of
     it and (k, 3) vectors."""

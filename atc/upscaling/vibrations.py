@@ -18,7 +18,9 @@ from ..errors import AtcError
 from ..readers.times import Clock
 from .crystal import Crystal
 from .force_constants import frequency_unit, signed_root
-from .sites import Sites, commensurate, find_sites, shortest_contact, star
+from .lineshapes import Line, fit_line, spectral_energy_density
+from .sites import Sites, commensurate, different, find_sites, halved, shortest_contact, star
+from .zone import Segment, commensurate_on
 
 #: Fewer frames than this in a block make no spectrum; fewer cycles than this no frequency.
 MIN_FRAMES, MIN_CYCLES = 16, 3.0
@@ -282,6 +284,9 @@ class Measured:
         had
     frequency_f : ω of the current spectra (internal), current_kcf : (k, 2, f) longitudinal and transverse current
         spectra; None without times
+    sed_kf : spectral energy density, summed over the modes (`lineshapes.spectral_energy_density`), internal energy ×
+        time; None without times
+    lines_km : `lineshapes.Line` of each mode where they were asked for, in the order of the eigenvectors; else None
     temperature : mean, internal (the user's temperature unit). notes : what to know
     """
 
@@ -302,6 +307,9 @@ class Measured:
     dt: float | None
     source: str
     notes: list = field(default_factory=list)
+    sed_kf: np.ndarray | None = None
+    lines_km: list | None = None
+    shape: str | None = None
 
 
 def measure(
@@ -313,6 +321,7 @@ def measure(
     blocks: int = 5,
     timestep: float | None = None,
     cubic: bool | None = None,
+    lines: str | None = None,
 ) -> Measured:
     """ω(k) of a trajectory at every wave vector along `directions` that fits into its box.
 
@@ -320,13 +329,14 @@ def measure(
     ----------
     traj : trajectory of `atc.read`, of a crystal that vibrates
     crystal : Crystal
-    directions : list of (3,) rays, e.g. [1, 0, 0]
+    directions : list of (3,) rays, e.g. [1, 0, 0], or of `zone.Segment`
     fc : function Crystal → ForceConstants for the crystal at the run's own lattice constant, whose eigenvectors single
         out the modes; None: the run alone
     blocks : pieces that give the errors
     timestep : time of one step in the user's unit, if the frames have no times
     cubic : average over wave vectors that the cube's symmetry makes equivalent; default: if the crystal's conventional
         cell is a cube along the axes
+    lines : "lorentzian" or "oscillator": fit the modes' lines (`lineshapes`)
 
     Returns
     -------
@@ -343,7 +353,7 @@ def measure(
 
     def wave_vectors(sites):
         for r, d in enumerate(directions):
-            fractions, ks = commensurate(sites, d)
+            fractions, ks = commensurate_on(sites, d) if isinstance(d, Segment) else commensurate(sites, d)
             for f, k in zip(fractions, ks):
                 # Equivalent ones fit only if the box has the cube's symmetry too.
                 members = [
@@ -351,11 +361,12 @@ def measure(
                     for q in star(k, cubic)
                     if np.abs(sites.cell @ q / (2 * np.pi) - np.rint(sites.cell @ q / (2 * np.pi))).max() < 1e-6
                 ]
-                plan.append((r, f, k, np.array(members)))
+                plan.append((r, f, k, different(sites.crystal, np.array(members))))
         if not plan:
+            along = ", ".join(d.label if isinstance(d, Segment) else str(d) for d in directions)
             raise AtcError(
-                f"no wave vector along {', '.join(map(str, directions))} fits into the box of {sites.crystal.name}: "
-                "take other directions or a longer box"
+                f"no wave vector along {along} fits into the box of {sites.crystal.name}: take other directions or a "
+                "longer box"
             )
         return np.concatenate([p[3] for p in plan])
 
@@ -363,13 +374,12 @@ def measure(
     crystal, notes = a.sites.crystal, list(a.notes)
     for r, d in enumerate(directions):
         if not any(p[0] == r for p in plan):
-            notes.append(
-                f"no wave vector along {list(d)} fits into the box (not commensurate): no measured points there"
-            )
+            along = d.label if isinstance(d, Segment) else str(list(d))
+            notes.append(f"no wave vector along {along} fits into the box (not commensurate): no measured points there")
     harmonic = fc(crystal) if fc is not None else None
     n3 = 3 * len(crystal)
-    rows, currents, frequency, at = [], [], None, 0
-    for *_, members in plan:
+    rows, currents, energies, shapes, frequency, at = [], [], [], [], None, 0
+    for *_, k, members in plan:
         pick = slice(at, at + len(members))
         at += len(members)
         u, v = (x[:, pick].transpose(1, 0, 2) for x in (a.u_tkx, a.v_tkx))
@@ -392,6 +402,11 @@ def measure(
         if a.dt is not None and len(v[0]) // blocks >= MIN_FRAMES:
             frequency, power = spectra(_current(v, members, crystal), a.dt, blocks)
             currents.append(power.sum(axis=0)[:, :3] @ np.array([[1, 0, 0], [0, 1, 1.0]]).T)
+            energies.append(spectral_energy_density(v, a.dt, blocks, taper=True, pad=4)[1])
+        if lines is not None:
+            shapes.append(_lines(v, a.dt, vectors, groups, lines, halved(crystal, k)))
+            why = {x.why for x in shapes[-1] if x.why} - set(notes)
+            notes += sorted(why)
     data = [np.array(x) for x in zip(*rows)]
     if a.dt is not None and harmonic is not None:
         top = harmonic.frequencies(np.array([p[2] for p in plan])).max()
@@ -417,7 +432,22 @@ def measure(
         a.dt,
         a.source,
         notes,
+        np.array(energies) if energies else None,
+        shapes or None,
+        lines,
     )
+
+
+def _lines(v_stx, dt, vectors, groups, shape, real):
+    """A `Line` for each mode of one wave vector; degenerate modes are fitted together."""
+    modes = v_stx.shape[2]
+    if dt is None or vectors is None:
+        why = "no spectra" if dt is None else "what the modes are is not known: give a potential"
+        return [Line(why=f"no linewidths: {why}")] * modes
+    v = np.einsum("sxm,stx->mst", vectors.conj(), v_stx, optimize=True)
+    groups = np.arange(modes) if groups is None else np.asarray(groups)
+    fitted = {g: fit_line(v[groups == g].reshape(-1, v.shape[2]), dt, shape, real=real) for g in np.unique(groups)}
+    return [fitted[g] for g in groups]
 
 
 def _ascending(e: Estimate):

@@ -352,3 +352,86 @@ def test_bad_input_is_one_line(tmp_path, args, message):
     assert result.exit_code == 2 and message in result.stderr, result.output
     assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1
     assert not (tmp_path / "a.nc").exists()
+
+
+# ---- a smoothing kernel of its own, and the explicit fluxes
+
+
+@pytest.mark.parametrize("two_point", FLUXES)
+@pytest.mark.parametrize("own", [("triangle", 0.05), ("gaussian", 0.12), (lambda s: 1 - s**3, None)])
+def test_two_kernels(own, two_point):
+    """φ_a and φ_s apart: each has its moment, sums are the naive ones by either method, mass is kept."""
+    kernel = Kernel("box", 0.11, 1 / 64, *own)
+    m = np.arange(1, kernel.neighbors + 1) / 64
+    assert 2 * (m * kernel.odd_m).sum() == pytest.approx(2, rel=1e-12)
+    assert 2 * (m**2 * kernel.even_m).sum() == pytest.approx(2, rel=1e-12)
+    alone = Kernel("box", 0.11, 1 / 64)
+    np.testing.assert_array_equal(kernel.odd_m[: alone.neighbors], alone.odd_m)
+    theirs = Kernel("box" if own[0] is None else own[0], own[1] or 0.11, 1 / 64)
+    np.testing.assert_array_equal(kernel.even_m[: theirs.neighbors], theirs.even_m)
+    u = np.random.default_rng(5).normal(size=64)
+    transport, smooth = naive(u, kernel, _burgers, two_point)
+    for make in (_by_fft, _by_stencil):
+        flux, laplace = make(kernel, 64, _burgers, two_point, True)
+        np.testing.assert_allclose(flux(u), transport, atol=1e-12 * np.abs(transport).max())
+        np.testing.assert_allclose(laplace(u), smooth, atol=1e-12 * np.abs(smooth).max())
+    run = advect(WAVE(np.arange(64) / 64), kernel, duration=0.3, viscosity=0.02, two_point=two_point, times=4)
+    assert run.mass_error < 1e-13 and np.abs(run.closure_t).max() < 1e-12
+
+
+@pytest.mark.parametrize("two_point", FLUXES)
+def test_explicit_fluxes(two_point):
+    """Their differences are the transport and the regularisation, for any flux; for a smooth u they are the report's
+    double integral (2.0.9a), ∫dz ∫dλ F(u(x − (1−λ)z), u(x + λz)) z φ_a(z) over z > 0, and tend to ψ(u) and −ε u_x."""
+    kernel = Kernel("triangle", 0.07, 1 / 128, "box", 0.03)
+    psi = lambda v: v**3 / 3 + v  # noqa: E731
+    x = np.arange(128) / 128
+    run = advect(0.4 * WAVE(x) + 0.2, kernel, duration=0.1, viscosity=0.01, psi=psi, two_point=two_point, times=2)
+    transport, smooth = naive(run.u_tn[-1], kernel, psi, two_point)
+    f, g = run.fluxes()
+    np.testing.assert_allclose((f - np.roll(f, 1)) * 128, transport, atol=1e-11)
+    np.testing.assert_allclose((g - np.roll(g, 1)) * 128, -0.01 * smooth, atol=1e-11)
+    f, g = run.fluxes(0)
+    u = lambda y: 0.4 * np.sin(2 * np.pi * y) + 0.2  # noqa: E731
+    q, w = np.polynomial.legendre.leggauss(40)
+    q, w = 0.5 * (q + 1), 0.5 * w
+    face = x[10] + 0.5 / 128
+    z, lam = 0.07 * q[:, None], q[None]
+    a, b = u(face - (1 - lam) * z), u(face + lam * z)
+    F = psi(0.5 * (a + b)) if two_point == "midpoint" else (psi(a) + 4 * psi(0.5 * (a + b)) + psi(b)) / 6
+    profile = (1 - q) * 12 / 0.07**3  # C z b, ∫_{-δ}^{δ} z² C b = 2
+    exact = (0.07 * w[:, None] * w[None] * F * z**2 * profile[:, None]).sum() / 1.0
+    assert f[10] == pytest.approx(exact / (0.07 * w * (0.07 * q) ** 2 * profile).sum(), rel=2e-3)
+    np.testing.assert_allclose(f, psi(u(x + 0.5 / 128)), atol=0.01)
+    np.testing.assert_allclose(g, -0.01 * 0.4 * 2 * np.pi * np.cos(2 * np.pi * (x + 0.5 / 128)), atol=2e-4)
+
+
+def test_two_kernels_from_the_command_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with open("phi_s.txt", "w") as f:
+        f.write("0 1\n0.5 0.6\n1 0\n")
+    base = [
+        "advect",
+        "-q",
+        "--nodes",
+        "256",
+        "--horizon",
+        "0.05",
+        "--duration",
+        "0.2",
+        "--frames",
+        "5",
+        "--no-reference",
+    ]
+    done = CliRunner().invoke(
+        app, [*base, "-o", "o.nc", "--smoothing-kernel", "phi_s.txt", "--smoothing-horizon", "0.03", "--fluxes"]
+    )
+    assert done.exit_code == 0, done.output
+    with xr.open_dataset("o.nc", engine="h5netcdf") as ds:
+        assert ds["advective_flux"].shape == (5, 256) and float(ds["x_face"][0]) == pytest.approx(0.5 / 256)
+        assert ds.attrs["smoothing_horizon"] == 0.03 and ds.attrs["smoothing_kernel"] == "tabulated"
+        assert ds["regularising_flux"].attrs["long_name"]
+    done = CliRunner().invoke(app, [*base, "-o", "p.nc", "--fluxes", "--horizons", "0.1,0.05"])
+    assert done.exit_code != 0
+    with pytest.raises(AtcError, match="smoothing_horizon = -1: expected a length"):
+        Kernel("box", 0.1, 0.01, None, -1)

@@ -118,3 +118,23 @@ def test_backends(parts):
         Fields(u.atoms, pot, kern, grid).run(backend="dask")
     with pytest.raises(AtcError, match="expected one of serial"):
         Fields(u.atoms, pot, kern, grid).run(backend="cuda")
+
+
+def test_what_pictures_of_xarray_say(parts):
+    """Titles name the component and the frame, not the cell; the accessor's picture has the component's symbol."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    ds = parts[-1]
+    one = ds.stress.sel(i="x", j="y").isel(frame=0, z=0)
+    try:
+        plane = one.plot()
+        assert plane.axes.get_title().startswith("i = x, j = y, frame = 0") and "cell" not in plane.axes.get_title()
+        plt.close("all")
+        plane = one.atc.plot()
+        (bar,) = [a for a in plane.axes.figure.axes if a is not plane.axes]
+        assert bar.get_ylabel() == "$\\sigma_{xy}$ [kJ/(mol·Å$^{3}$)]"
+    finally:
+        plt.close("all")

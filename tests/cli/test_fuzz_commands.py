@@ -10,7 +10,9 @@ import random
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+import test_twin
 from forking import Warm
 from test_case import PLATE
 from test_cli import SCENE, tree, write_dump
@@ -59,6 +61,52 @@ WORDS = [
     "::0",
 ]
 CASE = PLATE.replace("steps = 120", "steps = 4").replace("every = 25", "every = 2")
+#: Scenes with the keys that small ones lack: what is padded has open faces.
+PADDED = (
+    SCENE.replace("[4, 5, 6]", "[3, 3, 3]\npadding = 2.0")
+    .replace('"run.dump"', '"open.dump"\nframes = "0:2"\nreference = 0\nforces = "warn"')
+    .replace('["stress", ', '["column:vx", "column:vx:mean", "column:vy:mass_mean", "displacement", "stress", ')
+    .replace(
+        "[output]", 'column_units = { vx = "furlong" }\ntolerance = 1e-4\naverage = 2\ntiles = [1, 1, 1]\n\n[output]'
+    )
+)
+SLAB = PADDED[: PADDED.index("[grid]")] + '[grid]\nkind = "slab"\naxis = "z"\nbins = 4\n'
+TWIN = """[trajectory]
+file = "twin.dump"
+reference = 0
+frames = "1:"
+masses = [39.948]
+
+[potential]
+lammps = \"\"\"
+pair_style lj/cut 8.5
+pair_coeff 1 1 0.0104 3.4
+\"\"\"
+
+[kernel]
+name = "quartic"
+radius = 12.0
+
+[grid]
+kind = "regular"
+shape = [2, 2, 2]
+
+[twin]
+structure = "fcc"
+lattice_constant = 5.3
+model = "lps"
+motion = "static"
+spacing = 5.3
+horizon = 16.0
+grips = [[[-1, -1, -1], [4, 30, 30]]]
+timestep = 0.001
+"""
+#: {scene: (its text, the commands that read it)}
+SCENES = {
+    "padded.toml": (PADDED, [["plan"], ["fields", "-o", "x.nc", "-q"], ["fields", "-o", "x.zarr", "-q"], ["info"]]),
+    "slab.toml": (SLAB, [["profile", "-q", "-o", "x.zarr"], ["profile", "--csv"], ["profile", "--json", "--flow"]]),
+    "twin.toml": (TWIN, [["twin", "-q", "-o", "x.nc"], ["twin", "-o", "x.zarr"]]),
+}
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +116,12 @@ def place(tmp_path_factory):
     write_dump(folder / "run.dump", frames=2)
     (folder / "scene.toml").write_text(SCENE.replace("[4, 5, 6]", "[3, 3, 3]"))
     (folder / "case.toml").write_text(CASE)
+    (folder / "open.dump").write_text((folder / "run.dump").read_text().replace("pp pp pp", "pp ff ff"))
+    test_twin.write(folder / "twin.dump", [test_twin.block(np.diag([s, 0, 0]), time=s) for s in (0, 0.001, 0.002)])
+    for name, (text, commands) in SCENES.items():
+        (folder / name).write_text(text)
+        for words in commands:
+            warm.heat(folder, [words[0], name, *words[1:], *(["--overwrite"] if "-o" in words else [])])
     for words in (
         ["fields", "scene.toml", "-o", "o.nc", "-q"],
         ["fields", "scene.toml", "-o", "o.zarr", "-q"],
@@ -189,6 +243,17 @@ def a_case(rng, folder, warm, kept):
     )
 
 
+def a_scene(rng, folder, warm, kept):
+    """A damaged scene before each command that reads it."""
+    name = rng.choice(list(SCENES))
+    text, commands = SCENES[name]
+    for dump in ("open.dump", "twin.dump"):
+        os.link(folder / dump, folder / "work" / dump)
+    (folder / "work" / name).write_bytes(text_altered(rng, text).encode("utf-8", "replace"))
+    words = rng.choice(commands)
+    yield [words[0], name, *words[1:]]
+
+
 def an_unfinished_run(rng, folder, warm, kept):
     """The files beside its data are damaged: it goes on, begins again or says what is wrong; and may be begun again in
     any case."""
@@ -241,6 +306,10 @@ FLAGS = [
     "--quiet",
     "--overlay",
     "--atom-style",
+    "--bins",
+    "--interfaces",
+    "--boundary",
+    "--flow",
 ]
 VALUES = [
     "scene.toml",
@@ -283,12 +352,25 @@ COMMANDS = {
     "pd": "case.toml",
     "conductivity": "scene.toml",
     "check": "scene.toml",
+    "profile": "slab.toml",
+    "twin": "twin.toml",
+    "verify": "scene.toml",
 }
 
 
 def a_command_line(rng, folder, warm, kept):
     work = folder / "work"
-    for name in ("run.dump", "scene.toml", "case.toml", "o.nc", "p.nc"):
+    for name in (
+        "run.dump",
+        "open.dump",
+        "twin.dump",
+        "scene.toml",
+        "slab.toml",
+        "twin.toml",
+        "case.toml",
+        "o.nc",
+        "p.nc",
+    ):
         shutil.copy(folder / name, work)
     shutil.copytree(folder / "o.zarr", work / "o.zarr")
     command = rng.choice(list(COMMANDS))
@@ -304,7 +386,7 @@ def a_command_line(rng, folder, warm, kept):
     yield [w for w in words if w not in ("-j",)]
 
 
-KINDS = {f.__name__.replace("_", " "): f for f in (an_output, a_case, an_unfinished_run, a_command_line)}
+KINDS = {f.__name__.replace("_", " "): f for f in (an_output, a_case, a_scene, an_unfinished_run, a_command_line)}
 
 
 def fuzz(place, kind, count):
@@ -317,8 +399,8 @@ def fuzz(place, kind, count):
         work.mkdir()
         for words in KINDS[kind](rng, *place):
             done = warm.run(work, words, limit=60.0, memory=6 << 30)
-            # `atc check` says 1 where a law is broken
-            others = (1,) if words[0] == "check" and not done["err"] else ()
+            # `atc check` says 1 where a law is broken, `atc verify` where something differs
+            others = (1,) if words[0] in ("check", "verify") and "error" not in done["err"] else ()
             acceptable(done, (kind, k, words), others)
             statuses[done["status"]] = statuses.get(done["status"], 0) + 1
     return statuses

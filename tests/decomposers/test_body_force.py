@@ -169,3 +169,45 @@ def test_what_is_not_known_needs_forces(tmp_path):
         atc.fields(
             frame, pot, atc.kernel("quartic", radius=2.0), atc.Grid.slab("z", bins=4), ["body_force"], tiles=(2, 1, 1)
         )
+
+
+def test_forces_that_are_set_tell_their_group(tmp_path):
+    """Atoms that create_atoms made: a group by region is not known from the script, but from the forces of the run."""
+    script = """units lj
+boundary p p s
+lattice fcc 0.85
+region box block 0 3 0 3 0 4
+create_box 1 box
+create_atoms 1 box
+mass 1 1.0
+pair_style lj/smooth/linear 2.0
+pair_coeff * * 1.0 1.0
+region low block INF INF INF INF INF 0.9
+group low region low
+velocity all create 1.0 4711
+fix n all nve
+fix hold low {fix}
+dump d all custom 4 run.dump id type x y z vx vy vz{forces}
+dump_modify d sort id format float %.17g
+run 8
+"""
+    grid, kern = atc.Grid.regular(shape=(3, 3, 4)), atc.kernel("quartic", radius=1.8)
+
+    def fields(fix, forces=" fx fy fz", names=("stress", "body_force")):
+        text = script.format(fix=fix, forces=forces)
+        (tmp_path / "in.run").write_text(text)
+        with lammps_session() as lmp:
+            lmp.commands_string(text.replace("run.dump", str(tmp_path / "run.dump")))
+        pot = atc.potential(tmp_path / "in.run")
+        return atc.fields(atc.read(tmp_path / "run.dump", units="lj"), pot, kern, grid, list(names))
+
+    ds = fields("setforce 0.0 NULL 0.5", forces="", names=["stress"])  # the group plays no part in it
+    assert np.isfinite(ds.stress).all()
+    with pytest.raises(AtcError, match="who is in group low is not known"):
+        fields("setforce 0.0 NULL 0.5", forces="")
+    ds = fields("setforce 0.0 NULL 0.5")
+    assert ds.attrs["body_force_source"] == "declared: fix setforce"
+    assert ds.attrs["agrees_with_run"].startswith("forces of frame 0: yes")
+    ds = fields("addforce 0.3 0.0 0.0")  # nothing tells: it is measured
+    assert ds.attrs["body_force_source"].startswith("measured") and "addforce" in ds.attrs["body_force_source"]
+    assert float(ds.body_force[0, ..., 0].max()) > 0.1

@@ -86,6 +86,20 @@ def test_the_error_found_keeps_the_tolerance(kern):
     assert 0 < result.errors["stress_potential"]["error_max"]
 
 
+@pytest.mark.parametrize("name", ["step", "box"])
+def test_kernels_that_jump_have_their_price(name):
+    """Loose tolerances that they can keep; tighter ones are refused with how far the modes go."""
+    frame, pot, kern = ions().frame(), atc.potential("units real\n" + LINES), atc.kernel(name, 4.0)
+    rough, fine = (
+        fields_of([frame], settings(["stress_potential"], pot, Grid.points(POINTS), t, kern)) for t in (0.1, 0.05)
+    )
+    a, b = (r.arrays["stress_potential"] for r in (rough, fine))
+    assert 0 < np.abs(a - b).max() < 0.1 * np.abs(b).max()
+    assert 0 < rough.errors["stress_potential"]["error_max"] < 0.1
+    with pytest.raises(AtcError, match=f"kernel '{name}' decay too slowly .* over its radius"):
+        fields_of([frame], settings(["stress_potential"], pot, Grid.points(POINTS), 1e-6, kern))
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 def test_the_split_keeps_the_tolerance_and_the_error_found_knows(tolerance):
     """Bonds end and modes are cut as the tolerance allows; alpha, and so the field, is the same for all of them."""
@@ -264,7 +278,7 @@ def test_virial_and_triclinic_names():
     )
 
 
-def test_balances_close_with_a_field_and_slab_is_refused():
+def test_balances_close_with_a_field():
     """In closed form and by stencils on the deposited fields; a share of the field left out breaks both."""
     from atc.estimators import balance
 
@@ -288,9 +302,55 @@ def test_balances_close_with_a_field_and_slab_is_refused():
     without = balance.field_laws(laws, exact, balance.deposited(state, deposit), h)
     for name in ("momentum", "energy"):
         assert not np.abs(without[name].residual).max() < 1e-2 * scale[name], name
-    slab = atc.potential("units real\n" + LINES + "kspace_modify slab 3.0\n")
-    with pytest.raises(AtcError, match="balance laws with kspace_modify slab"):
-        balance.motion(ions(slab=True, triclinic=False).frame(), slab)
+
+
+def test_energy_current_of_the_slab_correction():
+    """Its divergence is what shares and forces say at every mode; charges that all move alike have −σ·v; its mean is
+    that of the atoms' virials; a film that stands elsewhere has the same."""
+    from atc.decomposers.long_range.transform import Direct, wave_vectors
+    from atc.estimators.field_pass import Layout
+
+    pot = converged(atc.potential("units real\n" + LINES + "kspace_modify slab 3.0\n"), 1e-12)
+    frame, (term,) = ions(slab=True, triclinic=False).frame(), pot.fields
+    vectors, origin = term.box(frame)
+    on = Layout(vectors, origin, np.array([3, 3, 6]), 1e-11, 12, 1.0, False, (0, 0, 0), 0)
+
+    def at(frame, v_nc):
+        products = term.products(frame, on, 1)
+        Q = np.stack([np.broadcast_to(k, (7, 7, 7)) for k in wave_vectors(products.q_index, vectors)])
+        return Q, products.current(v_nc), products.stress()[[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+
+    v = frame.velocities
+    Q, A, sigma = at(frame, v)
+    smooth = term.modes(frame)
+    source = smooth.share_rates_n(v) + np.einsum("nc,nc->n", v, smooth.forces_nc())
+    want = Direct(vectors, origin, (3, 3, 6)).modes(frame.positions, source[:, None])[0]
+    assert np.abs(np.einsum("aijk,aijk->ijk", 1j * Q, A) + want).max() < 1e-9 * np.abs(want).max()
+    mean = -np.einsum("nij,nj->i", smooth.virials_n6()[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]], v)
+    np.testing.assert_allclose(A[:, 0, 0, 0].real, mean, rtol=0, atol=1e-9 * np.abs(A).max())
+    c = np.array([0.3, -0.2, 0.4])
+    _, alike, _ = at(frame, np.tile(c, (len(v), 1)))
+    assert np.abs(alike + np.einsum("abijk,b->aijk", sigma, c)).max() < 1e-9 * np.abs(alike).max()
+    h = 0.7
+    _, moved, _ = at(frame.replace(positions=frame.positions + [0, 0, h]), v)
+    assert np.abs(moved * np.exp(1j * h * Q[2]) - A).max() < 1e-9 * np.abs(A).max()
+    # Rates of the shares are their derivatives.
+    dt = 1e-4 / np.abs(v).max()
+    ends = [term.modes(frame.replace(positions=frame.positions + s * dt * v)).energies_n() for s in (1, -1)]
+    rates = (ends[0] - ends[1]) / (2 * dt)
+    np.testing.assert_allclose(smooth.share_rates_n(v), rates, rtol=0, atol=1e-6 * np.abs(rates).max())
+
+
+def test_check_of_a_film():
+    """With the slab correction's field: laws to rounding, from the fields as they are written."""
+    from atc.analysis.check import check
+
+    pot = atc.potential("units real\n" + LINES + "kspace_modify slab 3.0\n")
+    report = check([ions(slab=True, triclinic=False).frame()], pot, GAUSS, points=1)
+    assert report.ok, report.verdict
+    for law in ("momentum", "energy"):
+        ways = report.data["laws"][law]
+        assert ways["chain_rule"]["residual"] < 1e-12 and ways["fields"]["residual"] < 1e-8, (law, ways)
 
 
 def test_check_of_a_model_with_a_field():

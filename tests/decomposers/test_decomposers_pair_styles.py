@@ -451,7 +451,7 @@ def test_every_style_of_lammps_is_supported_or_has_a_reason():
         ("lj/cut/coul/long/soft 9", "its long-range part is not done yet"),
         ("gayberne 1 1 1 4", "orientation"),
         ("granular", "history"),
-        ("tip4p/long 1 2 1 1 0.1 9", "virtual site"),
+        ("tip4p/long/soft 1 2 1 1 1 0.5 10 0.1 9", "virtual site"),
     ],
 )
 def test_why_not(style, why):

@@ -98,8 +98,21 @@ def test_divergence_is_the_force_density_and_the_mean_is_the_virial():
     np.testing.assert_allclose(
         sigma[:, 0, 0, 0].real, smooth.virial_cc[SIX], rtol=0, atol=1e-9 * np.abs(smooth.virial_cc).max()
     )
+    # The energy current: its divergence, its mean, and of atoms that all move alike.
+    v = rng.normal(size=(8, 3))
+    A = products.current(v)
+    source = smooth.share_rates_n(v) + np.einsum("nc,nc->n", v, smooth.forces_nc())
+    want = Direct(TRICLINIC, np.zeros(3), (5, 5, 5)).modes(frame.positions, source[:, None])[0]
+    assert np.abs(np.einsum("aijk,aijk->ijk", 1j * Q, A) + want).max() < 1e-7 * np.abs(want).max()
     w = smooth.virials_n6()
+    mean = -np.einsum("nij,nj->i", w[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]], v)
+    np.testing.assert_allclose(A[:, 0, 0, 0].real, mean, rtol=0, atol=1e-9 * np.abs(mean).max())
+    alike = products.current(np.tile(v[0], (8, 1)))
+    assert np.abs(alike + np.einsum("abijk,b->aijk", full, v[0])).max() < 1e-9 * np.abs(alike).max()
     np.testing.assert_allclose(w.sum(0), smooth.virial_cc[SIX], rtol=1e-9)
+    ends = [SmoothDispersion(term, frame.replace(positions=frame.positions + s * 1e-4 * v)) for s in (1, -1)]
+    rates = (ends[0].energies_n() - ends[1].energies_n()) / 2e-4
+    np.testing.assert_allclose(smooth.share_rates_n(v), rates, rtol=0, atol=1e-6 * np.abs(rates).max())
     assert smooth.energies_n().sum() == pytest.approx(smooth.energy, rel=1e-10)
     h = 1e-4  # Å
     step = np.zeros((8, 3))
@@ -173,12 +186,7 @@ def test_refused_in_one_line(lines, message):
         atc.potential("units real\n" + lines)
 
 
-def test_heat_flux_and_open_cells_are_refused():
-    pot = atc.potential("units real\n" + model())
-    frame = config().frame()
-    frame = frame.replace(velocities=np.zeros_like(frame.positions))
-    kern, grid = atc.kernel("gaussian", width=1.5), atc.Grid.regular(shape=(2, 2, 2))
-    with pytest.raises(AtcError, match="heat_flux.*not supported with long-range dispersion"):
-        fields_of([frame], Settings(("heat_flux",), pot, kern, grid))
+def test_open_cells_are_refused():
+    pot, frame = atc.potential("units real\n" + model()), config().frame()
     with pytest.raises(AtcError, match="periodic along x, y and z"):
         pot.stream(frame.replace(cell=Cell(frame.cell.vectors, frame.cell.origin, (True, True, False))))

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from frames import argon
 
+import atc
 from atc.errors import AtcError
 from atc.pictures import components, plotting
 from atc.pictures.geometry import unit_text
@@ -351,7 +353,8 @@ def test_singular_corners_do_not_take_all_colours():
     fig = plotting.plot(ds, "stress", component="xx")
     mesh = mesh_of(fig.axes[0])[2]
     usual = np.percentile(np.abs(mesh.get_array().filled()), 98)
-    assert mesh.norm.vmax == pytest.approx(usual) and fig.axes[1].get_position().height > 0
+    (bar,) = fig.axes[0].child_axes
+    assert mesh.norm.vmax == pytest.approx(usual) and bar.get_position().height > 0
     assert mesh_of(plotting.plot(ds, "stress", component="xx", robust=False).axes[0])[2].norm.vmax > 100 * usual
 
 
@@ -398,3 +401,63 @@ def test_vector_graphics(tmp_path):
         from atc.pictures.drawing import save
 
         assert save(plotting.plot(ds, "stress", component="xx"), tmp_path / f"a{suffix}").read_bytes().startswith(head)
+
+
+def test_movies_have_one_scale(tmp_path, monkeypatch):
+    from PIL import Image, ImageSequence
+
+    from atc.pictures.movies import movie_path
+    from atc.pictures.plotting import movie_file
+
+    traj = [argon(seed=k, temperature=20.0 * (1 + 3 * k)).replace(step=k, time=float(k)) for k in range(3)]
+    pot = atc.potential("pair_style lj/cut 5.0\npair_coeff * * 0.0104 3.4", units="metal")
+    for grid, more in (
+        (atc.Grid.regular(shape=(5, 4, 3)), {"component": "xx", "arrows": "velocity", "principal": "stress"}),
+        (atc.Grid.slab("z", 7), {"component": "xx"}),
+        (atc.Grid.points(np.random.default_rng(0).random((30, 3)) * 9), {}),
+    ):
+        ds = atc.fields(traj, pot, atc.kernel("quartic", 5.0), grid, ["stress", "velocity"])
+        out = tmp_path / f"{grid.kind}.nc"
+        ds.to_netcdf(out)
+        path = movie_file(out, tmp_path / f"{grid.kind}.gif", "stress", rate=10, **more)
+        with Image.open(path) as film:
+            pages = [np.asarray(page.convert("RGB")).astype(int) for page in ImageSequence.Iterator(film)]
+            assert film.info["duration"] == 100
+        assert len(pages) == 3 and len({p.shape for p in pages}) == 1
+        assert all(abs(p - pages[0]).max() > 50 for p in pages[1:])
+        figs = [plotting.plot(ds, "stress", component="xx", frame=k, one_scale=True) for k in range(3)]
+        if grid.kind == "slab":
+            assert len({fig.axes[0].get_ylim() for fig in figs}) == 1
+        else:
+            scales = {fig.axes[0].collections[-1 if grid.kind == "points" else 0].get_clim() for fig in figs}
+            assert len(scales) == 1
+            top = float(abs(ds.stress.sel(i="x", j="x")).max())
+            (scale,) = scales
+            if grid.kind == "points":
+                assert scale == pytest.approx((-top, top))
+    one = ds.isel(frame=[0])
+    one.to_netcdf(tmp_path / "one.nc")
+    with pytest.raises(AtcError, match="one frame, which makes no movie"):
+        movie_file(tmp_path / "one.nc", tmp_path / "one.gif")
+    with pytest.raises(AtcError, match=r"end in \.gif or \.mp4"):
+        movie_path(tmp_path / "a.avi")
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(AtcError, match="needs ffmpeg"):
+        movie_path(tmp_path / "a.mp4")
+
+
+def test_nothing_is_cut_off():
+    """Wide, flat and many-panelled pictures with long titles: all labels are within the figure once it is fitted."""
+    from atc.pictures.drawing import fitted
+
+    pot = atc.potential("pair_style lj/cut 5.0\npair_coeff * * 0.0104 3.4", units="metal")
+    f = argon(temperature=30.0)
+    for shape in ((12, 6, 3), (6, 12, 3), (12, 2, 3)):
+        L = 10.0 * np.array(shape) / max(shape)
+        grid = atc.Grid.plane([0, 0, 2], [L[0], 0, 0], [0, L[1], 0], shape=shape[:2])
+        ds = atc.fields([f], pot, atc.kernel("quartic", 5.0), grid, ["stress", "density"])
+        for options in ({"quantity": "density"}, {"quantity": "stress"}, {"quantity": "stress", "component": "xx"}):
+            fig = fitted(plotting.plot(ds, **options))
+            box, size = fig.get_tightbbox(), fig.get_size_inches()
+            assert (box.min > -0.03).all() and (box.max < size + 0.03).all(), (shape, options)

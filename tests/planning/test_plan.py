@@ -156,3 +156,68 @@ def test_lines_and_names_in_place_of_objects_are_refused_in_one_line():
     frame = Frame(np.ones((1, 3)), Cell(np.eye(3) * 9.0), units("lj"))
     with pytest.raises(AtcError, match=r"kern is a str: expected what atc.kernel"):
         atc.fields(frame, None, "quartic", atc.Grid.points([[1.0, 1, 1]]), ["number_density"])
+
+
+def hot_argon(cells):
+    """A frame of n³ cells that a choice of methods is worth its while for, and its Lennard-Jones potential."""
+    from atc.planning.calibrate import argon as hot
+
+    return hot(cells)
+
+
+@pytest.mark.parametrize("periodic", [(True, True, True), (True, False, False), (False, True, False)])
+def test_neighbours_of_some_atoms_are_counted_rightly(periodic):
+    """All atoms of a skewed cell, by way of their nearest images: as many, and as far away, as in all pairs."""
+    rng = np.random.default_rng(3)
+    cell = atc.Cell([[31.0, 0, 0], [7.0, 29.0, 0], [-4.0, 5.0, 33.0]], [5.0, -40.0, 2.0], periodic)
+    frame = argon(n=(1, 1, 1)).replace(
+        positions=cell.cartesian(rng.random((300, 3))), cell=cell, masses=None, velocities=None, types=None, ids=None
+    )
+    cutoff = 7.0
+    s = cell.fractional(frame.positions)
+    d = s[:, None] - s
+    r = np.linalg.norm((d - np.where(periodic, np.rint(d), 0.0)) @ cell.vectors, axis=-1)
+    near = (r < cutoff) & ~np.eye(len(r), dtype=bool)
+    m = near.sum(1)
+    count, pairs, distance, _ = neighborhood(frame, cutoff, count=300)
+    assert count == m.mean() and pairs == (m * (m - 1) / 2).mean()
+    assert distance == pytest.approx(r[near].mean(), rel=1e-12)
+    # Fewer of them are enough to know the mean by 2 %: within four times that.
+    assert neighborhood(frame, cutoff)[0] == pytest.approx(m.mean(), rel=0.08)
+
+
+def test_a_small_frame_is_not_looked_at_twice(monkeypatch):
+    """No pass over the bonds where it costs more than it may save; one where it is worth it."""
+    from atc.planning import error_forecast
+
+    made = []
+    real = error_forecast.ErrorForecast
+    monkeypatch.setattr(error_forecast, "ErrorForecast", lambda *a: made.append(1) or real(*a))
+    monkeypatch.setenv("ATC_COSTS", "shipped")
+    kern = atc.kernel("quartic", radius=10.0)
+
+    def methods(cells, points, tolerance, n=1):
+        frame, pot = hot_argon(cells)
+        made.clear()
+        job = prepare(Request([frame] * n, pot, kern, atc.Grid.regular(shape=points), ["stress"], tolerance=tolerance))
+        return job.methods["bond"].name, len(made)
+
+    assert methods(5, 12, 1e-3) == ("direct", 0)
+    # Foreseen as quicker, but not by enough to be sure for a single frame; for many, the search is shared.
+    assert methods(10, 16, 1e-4) == ("direct", 0) and methods(10, 16, 1e-4, n=50) == ("spectral", 1)
+    assert methods(10, 16, 1e-2)[1] == 0 and methods(10, 16, 1e-3) == ("spectral", 1)
+
+
+@pytest.mark.parametrize("name", ["quartic", "gaussian"])
+def test_sums_of_squares_are_in_the_prediction(name):
+    from atc.planning.predict import predict
+
+    kern = atc.kernel(name, **({"width": 2.5} if name == "gaussian" else {"radius": 8.0}))
+    frame, pot = hot_argon(6)
+    about = frame, pot, kern, atc.Grid.regular(shape=16), ["stress"]
+    squared, plain = (
+        predict(prepare(Request(*about, tolerance=1e-12, velocity=v))).parts["deposit of atoms"]
+        for v in ("frame", "local")
+    )
+    # One component more, at the points, or by a pass of its own.
+    assert 1.2 * plain < squared < 15 * plain

@@ -9,7 +9,7 @@ import pytest
 from test_cli import write_dump
 from test_run import Stop, stop_after
 
-from atc.config.scene import Scene
+from atc.config.scene import SYSTEMS, Scene
 from atc.config.schema import GRIDS, SCHEMA
 from atc.errors import AtcError
 
@@ -26,6 +26,8 @@ PLANE_OF_ITS_OWN = {**PLANE, "origin": [0.0, 0.0, 8.0], "u": [16.2, 0.0, 0.0], "
 del PLANE_OF_ITS_OWN["axis"]
 LINE = {"kind": "line", "start": [0.0, 0.0, 0.0], "end": [16.2, 0.0, 0.0], "n": 4}
 SLAB = {"kind": "slab", "axis": "z", "bins": 4}
+PLANES = {"kind": "planes", "axis": "z", "positions": [2.0, 5.0], "interval": 0.1}
+OF_STRESS = {"fields": {"quantities": ["stress"]}}
 BOX = {
     "kind": "regular",
     "shape": [3, 3, 3],
@@ -117,6 +119,10 @@ CHANGES = {
     "grid.end": ({"grid": LINE}, [16.2, 0.0, 0.5]),
     "grid.n": ({"grid": LINE}, 5),
     "grid.bins": ({"grid": SLAB}, 5),
+    "grid.means": ({"grid": SLAB}, True),
+    "grid.positions": ({"grid": PLANES, **OF_STRESS}, [2.0, 5.5]),
+    "grid.patches": ({"grid": {**PLANES, "patches": [1, 2]}, **OF_STRESS}, [2, 2]),
+    "grid.interval": ({"grid": PLANES, **OF_STRESS}, 0.2),
     "grid.follow": ({"grid": {"kind": "points", "points": [[1.0, 2.0, 3.0]]}, "select": HALF}, "mass"),
     "grid.center": ({"grid": PORE}, [8.0, 8.0, 8.5]),
     "grid.radius": ({"grid": PORE}, 5.5),
@@ -151,10 +157,13 @@ OF_MOLECULES = {
     "constraints.rigid_water": ({"bonds": "hbonds"}, {"bonds": "hbonds", "rigid_water": False}),
     "constraints.molecules": ({"molecules": True}, {"molecules": [1, 2]}),
 }
-#: Keys of models that need packages of their own: torch_models/test_mace.py and so on, decomposers/test_kim.py.
-APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "kim", "head", "stress", "reference")}
+#: Keys of models that need packages of their own: torch_models/test_mace.py and so on, decomposers/test_kim.py,
+#: decomposers/test_openmm.py.
+APART = {f"potential.{k}" for k in ("mace", "nequip", "metatomic", "kim", "head", "stress", "reference")} | {
+    f"potential.{k}" for k in {*SYSTEMS, *(key for keys in SYSTEMS.values() for key in keys)}
+}
 #: Ways to pick atoms that these files say nothing for: tests/estimators/test_selections.py.
-OF_NAMES = {"select.atoms", "select.elements", "select.molecules"}
+OF_NAMES = {"select.atoms", "select.elements", "select.molecules", "select.groups"}
 #: Keys that no number of `atc fields` depends on, and why.
 CHANGE_NOTHING = {
     "potential.device": "where it is computed",
@@ -259,7 +268,7 @@ def test_every_key_is_spoken_of():
             "output.file",
         }
     )
-    kinds = {"plane", "line", "slab", "points", "atoms", "regular", "cylindrical", "spherical"}
+    kinds = {"plane", "line", "slab", "points", "atoms", "regular", "cylindrical", "spherical", "planes"}
     assert kinds == set(GRIDS)
 
 

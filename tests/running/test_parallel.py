@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 from numba.extending import _Intrinsic as Intrinsic
+from test_cli import SCENE, finished_frames, write_dump
+from test_cli import atc as start_atc
 from test_run import same
 
 import atc
@@ -142,6 +144,35 @@ def test_tiles_on_a_cluster_are_those_computed_here(cluster):
     here = atc.fields(trajectory, pot, KERN, GRID, WHAT, threads=1, tiles=(2, 1, 2))
     there = atc.fields(trajectory, pot, KERN, GRID, WHAT, threads=1, tiles=(2, 1, 2), cluster=cluster[0])
     same(here, there)
+
+
+def test_a_run_on_a_cluster_that_is_killed_leaves_no_work_behind(cluster, tmp_path):
+    """The scheduler forgets what the run has sent; the same command goes on, and gives what it gives here."""
+    import distributed
+
+    write_dump(tmp_path / "run.dump", frames=8)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    words = ["fields", "scene.toml", "-q", "--cluster", cluster[0], "-o"]
+    process = start_atc(*words, "out.zarr", cwd=tmp_path, hold=2)
+    deadline = time.time() + 100
+    while finished_frames(tmp_path / "out.zarr") < 2 and time.time() < deadline:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    with distributed.Client(cluster[0], set_as_default=False) as client:
+        deadline = time.time() + 30
+        while left := client.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.tasks)):
+            assert time.time() < deadline, left
+            time.sleep(0.2)
+    assert not (tmp_path / "out.zarr").exists()
+    for process in (
+        start_atc(*words, "out.zarr", cwd=tmp_path),
+        start_atc(*words[:3], "-o", "here.zarr", cwd=tmp_path),
+    ):
+        _, err = process.communicate(timeout=200)
+        assert process.returncode == 0, err
+    same(atc.open_dataset(tmp_path / "here.zarr"), atc.open_dataset(tmp_path / "out.zarr"))
 
 
 def test_who_does_not_answer(monkeypatch):

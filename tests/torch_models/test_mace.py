@@ -62,7 +62,7 @@ SYMBOLS = ["Si", "C"]
 
 @pytest.mark.parametrize("layers", [1, 2, 3])
 def test_laws(layers):
-    """The model's own energy, forces and virial are compared on the first frame of every potential."""
+    """The model's own energy, forces and virial are compared on the first frame, and every tenth, of a potential."""
     frame, pot = diamond(5.2, 1), atc.mace(made(layers), SYMBOLS)
     d = pot.decompose(frame, sources=True)
     assert d.notes["energy_identity"] < 1e-12
@@ -188,6 +188,24 @@ def test_what_is_refused(tmp_path):
     model.__class__ = Apart
     with pytest.raises(AtcError, match="forces from the edges differ from the model's own by"):
         atc.mace(model, SYMBOLS).decompose(diamond(5.2, 1))
+
+
+def test_every_tenth_frame_is_compared_with_the_model_s_own_call():
+    pot, frame, calls = atc.mace(made(1), SYMBOLS), diamond(5.2, 1), []
+    (term,) = pot.terms
+    own = term.own
+
+    def counted(*a):
+        calls.append(a)
+        energy, forces, virial = own(*a)
+        return energy, forces, virial + (1e-3 if len(calls) > 2 else 0.0)
+
+    term.own = counted
+    for _ in range(20):
+        pot.decompose(frame)
+    assert len(calls) == 2
+    with pytest.raises(AtcError, match="virial from the edges differs from the model's own by"):
+        pot.decompose(frame)
 
 
 def test_scenes(tmp_path, monkeypatch):

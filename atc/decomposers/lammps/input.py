@@ -28,6 +28,8 @@ from ..registry import (
     supported,
 )
 from ..special_bonds import SpecialBonds
+from ..tip4p import TIP4P, SitePairs, rest
+from ..virtual_sites import VirtualSites
 from ..zero import Nothing
 from .constraint_fixes import constraints_of, groups_of, needs_molecules
 from .data_coeffs import take_data_file
@@ -74,6 +76,8 @@ class _Model:
     exclusions: Exclusions | None = None
     notes: list[str] = field(default_factory=list)
     pairs: Pairs | None = None
+    #: the lines that give types masses, in order: mass, and pair_coeff where its file has some
+    heavy: list[Command] = field(default_factory=list)
 
 
 def potential_from_lammps(
@@ -123,8 +127,9 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     named = model.exclusions.groups if model.exclusions else ()
     from_outside = acting(choice.fixes)
     pot.moved = tuple(dict.fromkeys(c.words[1] for c in choice.fixes if c.words[2] == "move" and not c.unknown))
-    needed = (*groups_of(choice.fixes), *(c.words[1] for c in from_outside if c.words[1] != "all"))
-    groups = (*named, *(g for g in dict.fromkeys(needed) if g not in named))
+    needed = {*named, *groups_of(choice.fixes)}
+    if_known = dict.fromkeys(c.words[1] for c in from_outside if c.words[1] != "all" and c.words[1] not in needed)
+    groups = (*named, *(g for g in dict.fromkeys((*groups_of(choice.fixes), *if_known)) if g not in named))
     if script or from_outside:
         lattice = any(c.name == "lattice" for c in choice.state.atoms)
         pot.acting = outside_of(choice.fixes, groups, model.units, lattice)
@@ -150,14 +155,15 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
         pot.remarks = (*pot.remarks, f"{Path(name).name} has no units line: lj, as in LAMMPS")
     pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))
     concerned = [c for c in choice.state.atoms if c.name not in ("mass", "labelmap", "run")]
-    if script or concerned or changing or groups:
+    heavy = _masses_of_files(model, pot.terms)
+    if script or concerned or changing or groups or heavy:
         pot.setup = Setup(
             name,
             folder,
             model.units.name,
             pot.dimension,
             _atom_style(model),
-            choice.state.atoms,
+            (*choice.state.atoms, *heavy),
             choice.later,
             changing,
             tuple(script_run.written_data),
@@ -165,6 +171,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
             groups,
             script_run.may_lose,
             script_run.columns,
+            frozenset(if_known),
         )
         pot.remarks = (*pot.remarks, *pot.setup.remarks())
     if script:
@@ -172,6 +179,31 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
     else:
         pot.text = text.strip() + "\n"
     return pot
+
+
+def _masses_of_files(model: _Model, terms) -> list[Command]:
+    """The mass lines of a script with those that its potential files stand for (embedded atoms, MEAM, EIM), in the
+    order in which they hold; none where no file says masses."""
+    of_line = {t.inner.file_masses[0]: t.inner.file_masses[1] for t in terms if t.inner.file_masses[1]}
+    pair = model.styles.get("pair")
+    out = []
+    for c in model.heavy if of_line else ():
+        if c.name == "mass":
+            out.append(c)
+            continue
+        said, own = of_line.get(c.where), True
+        if said is None and pair is not None and "eam" in (pair.name, *c.words[2:3]):  # one file a type, one term
+            said, own = of_line.get(pair.where, {}), False
+        for word, mass in (said or {}).items():
+            if own or all(_covers(_types(model, "atom", w, c.where), word) for w in c.words[:2]):
+                out.append(Command("mass", (word, repr(mass)), c.where))
+    return out
+
+
+def _covers(span: TypeRange, word: str) -> bool:
+    """Whether a range of types has the one, or all that are open above, that a word names."""
+    first = int(word.rstrip("*") or 1)
+    return span.lo <= first and (span.hi is None or (first <= span.hi and not word.endswith("*")))
 
 
 # Gathering
@@ -235,6 +267,7 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
             if kind not in model.styles:
                 raise AtcError(f"{c.where}: {c.name} before any {kind}_style: put the style first")
             model.styles[kind].lines.append(c)
+            model.heavy += [c] if kind == "pair" else []
         elif c.name == "pair_modify":
             if "pair" not in model.styles:
                 raise AtcError(f"{c.where}: pair_modify before any pair_style: put the style first")
@@ -260,6 +293,7 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
         elif c.name == "labelmap":
             _labelmap(model, c)
         elif c.name == "mass":
+            model.heavy.append(c)
             if len(c.words) == 2:
                 span = _types(model, "atom", c.words[0], c.where)
                 for t in span(max(span.hi or span.lo, *model.masses, 1)):
@@ -512,6 +546,7 @@ def _assemble(model: _Model, name: str) -> Potential:
 
         terms += one_four_terms(terms)
     pot = Potential(terms, model.units)
+    pot.sites = _sites(model, terms)
     pot.remarks = (*notes, *model.notes)
     pot.masses = {t: float(model.units.to_internal("mass", m)) for t, m in model.masses.items()}
     pot.data_file = model.data_file
@@ -632,7 +667,7 @@ class _PairBuild:
             if sub.factor != 1.0:
                 from ..scaled import Scaled
 
-                if any(isinstance(b, Term) for b in built):
+                if any(isinstance(b, Term) or b.water is not None for b in built):
                     raise AtcError(
                         f"{style.where}: {style.name} with a factor other than 1 for {sub.called} is not supported: "
                         "only for pair potentials"
@@ -654,9 +689,11 @@ class _PairBuild:
 class _PairGrow:
     build: _PairBuild
     own: tuple = ()
+    on_sites: bool = False
 
     def __call__(self, n_types: int) -> list[PairStyle]:
-        return [b for b in self.build(n_types) if isinstance(b, PairStyle) and b.own_special == self.own]
+        built = [b for b in self.build(n_types) if isinstance(b, PairStyle) and b.own_special == self.own]
+        return [b for b in built if (b.water is not None) == self.on_sites]
 
 
 def _as_list(built) -> list:
@@ -677,11 +714,60 @@ def _pair_terms(build: _PairBuild, special: SpecialBonds) -> list[Term]:
             f"{build.style.name}: its neighbours would not be those of the run"
         )
     # Styles with weights of their own (pair_modify special) sweep the list apart from the others.
-    for own in sorted({s.own_special for s in styles}, reverse=True):
-        mine = [s for s in styles if s.own_special == own]
+    # So do those between charges that sit on virtual sites.
+    for own, sites in sorted({(s.own_special, s.water is not None) for s in styles}, reverse=True):
+        mine = [s for s in styles if s.own_special == own and (s.water is not None) == sites]
         weights = special.with_own(own, build.style.where) if own else special
-        terms.insert(0, Pairs(mine, build.n_types, weights, grow=_PairGrow(build, own), exclusions=excluded))
+        grow = _PairGrow(build, own, sites)
+        terms.insert(0, (SitePairs if sites else Pairs)(mine, build.n_types, weights, grow=grow, exclusions=excluded))
     return terms
+
+
+def _sites(model: _Model, terms) -> VirtualSites | None:
+    """The virtual sites that the pair styles of a model ask for."""
+    lines = {s.water for t in terms for s in t.styles if s.water is not None}
+    if not lines:
+        return None
+    if len({(w.oxygen, w.hydrogen, w.bond, w.angle, w.distance) for w in lines}) > 1:
+        raise AtcError(f"{model.styles['pair'].where}: the sub-styles have different TIP4P waters: one for all of them")
+    water = lines.pop()
+    if model.exclusions:
+        raise AtcError(
+            f"{model.exclusions.where}: neigh_modify {model.exclusions.keyword} is not supported with {water.where}'s "
+            "virtual sites"
+        )
+    at_rest = {}
+    for kind, word in (("bond", water.bond), ("angle", water.angle)):
+        (number,) = _one_type(model, kind, word, water.where)
+        style = model.styles.get(kind)
+        found = None
+        for line in _coeff_lines(model, style) if style is not None else ():
+            words, name = line.words, style.name
+            if name.startswith("hybrid") and words:
+                name, words = strip_suffix(words[0]), words[1:]
+            if line.types[0].lo <= number <= (line.types[0].hi or MAX_TYPES):
+                found = name, words, line.where
+        if found is None:
+            raise AtcError(
+                f"{water.where}: no {kind}_coeff of {kind} type {word}, whose size at rest places the charge of the "
+                f"oxygen: add {kind}_style and {kind}_coeff lines (style zero, if it has no energy)"
+            )
+        at_rest[kind] = rest(kind, *found)
+    b, theta = float(model.units.to_internal("length", at_rest["bond"])), np.radians(at_rest["angle"])
+    if not (b > 0 and 0 < theta < np.pi):
+        raise AtcError(
+            f"{water.where}: TIP4P needs a bond length and an angle at rest between 0 and 180 degrees, got "
+            f"{at_rest['bond']:g} and {at_rest['angle']:g}"
+        )
+    (o,), (h,) = (_one_type(model, "atom", word, water.where) for word in (water.oxygen, water.hydrogen))
+    return VirtualSites(TIP4P(o, h, float(water.distance / (b * np.cos(0.5 * theta))), water.where))
+
+
+def _one_type(model: _Model, kind: str, word: str, where: str) -> range:
+    span = _types(model, kind, word, where)
+    if span.lo != span.hi:
+        raise AtcError(f"{where}: expected one {kind} type, got {word}")
+    return span(span.lo)
 
 
 class _Unweighted(Wrapper):

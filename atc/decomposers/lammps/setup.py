@@ -17,6 +17,7 @@ from ...errors import AtcError
 from ...frame import Cell, Topology
 from ...units import units
 from ..atom_columns import NAMES
+from ..constraint_rules import UNSURE
 from .atom_commands import MOLECULAR, SECTIONS, boundary_words, set_keywords, touches
 from .atom_table import Origin, rows_of
 from .atoms import Atoms
@@ -49,7 +50,8 @@ class Setup:
     changing : {property, "atoms" or "bonds": reason}, what fixes change while LAMMPS runs
     written : names of the data files that the script writes
     needs : which of "charges", "topology", "molecules" the potential depends on
-    groups : names of the groups that pair exclusions and constraints need, bit k of `Frame.groups` the k-th
+    groups : names of the groups that pair exclusions, constraints and forces from outside need, bit k of
+        `Frame.groups` the k-th; if_known : those of them that may stay unknown (see `constraint_rules.UNSURE`)
     may_lose : the line that lets atoms be lost, or ""
     columns : {column of a dump: property of atoms}, as the script's computes name them
     """
@@ -67,6 +69,7 @@ class Setup:
     groups: tuple[str, ...] = ()
     may_lose: str = ""
     columns: dict = field(default_factory=dict)
+    if_known: frozenset = frozenset()
 
     def __post_init__(self):
         self._cache = None
@@ -239,9 +242,20 @@ class Setup:
 
     def _unnumbered(self, frame):
         """A frame whose atoms have no numbers of their own: nothing that the script says of single atoms can be put to
-        them."""
+        them; masses are those of types, where no atom has one of its own."""
+        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        one_type = table.n_types == 1 and "types" not in self.changing
+        if frame.masses is None and "masses" not in self.changing and (one_type or self._own(frame, "types")):
+            of_type = table.type_masses
+            every = np.isnan(table.masses).all() and not table.unknown["masses"].any()
+            if every and set(np.unique(frame.types).tolist()) <= of_type.keys():
+                top = int(frame.types.max(initial=0))
+                m_t = np.array([of_type.get(t, 0.0) for t in range(top + 1)]) * units(self.units).mass
+                frame = frame.replace(masses=m_t[frame.types])
         for p in ("types", "charges", "topology"):
             if p != "topology" and self._own(frame, p) and p not in self.changing:
+                continue
+            if p == "types" and one_type and (frame.types == 1).all():
                 continue
             keys = SECTIONS if p == "topology" else (p,)
             c = next((self.edits[k] for k in (*keys, "ids") if k in self.edits), None)
@@ -254,11 +268,14 @@ class Setup:
                     f"{frame.source} does not number its atoms, so that {c.name} ({c.where}) cannot be put to them: "
                     "dump id too"
                 )
-        if self.groups and set(self.groups) != {"all"}:
+        if needed := [g for g in self.groups if g != "all" and g not in self.if_known]:
             raise AtcError(
-                f"{frame.source} does not number its atoms, so that who is in group {self.groups[0]} is not known: "
+                f"{frame.source} does not number its atoms, so that who is in group {needed[0]} is not known: "
                 "dump id too"
             )
+        if self.groups:
+            bits = sum(1 << (k + (0 if g == "all" else UNSURE)) for k, g in enumerate(self.groups))
+            frame = frame.replace(groups=np.full(len(frame), bits, np.int64))
         periodic = self._periodic() if frame.given.get("boundary") else None
         return frame if periodic is None else frame.replace(cell=Cell(frame.cell.vectors, frame.cell.origin, periodic))
 
@@ -424,6 +441,33 @@ class Setup:
                     f"{len(mine)}): name the data file of this run, or none"
                 )
 
+    def in_groups(self, names, frame) -> np.ndarray:
+        """(n,) bool: which atoms of a frame are in all of some groups, as they are at the run.
+
+        Raises
+        ------
+        AtcError for groups that there are not, and where it is not known who is in them.
+        """
+        if frame.given.get("ids"):
+            who = f"who is in group {names[0]} is not known"
+            raise AtcError(f"{frame.source} does not number its atoms, so that {who}: dump id too")
+        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        rows, found = rows_of(table.ids, frame.ids, table.alive)
+        inside = np.ones(len(frame), bool)
+        for name in names:
+            if name != "all" and name not in table.groups:
+                have = ", ".join(["all", *table.groups])
+                raise AtcError(f"select groups: {self.name} has no group {name!r}: it has {have}")
+            g = table.group(name)
+            if name != "all" and not (found.all() and not g.unsure[rows].any()):
+                unknown = frame.ids[~found] if not found.all() else []
+                why = table.group_why.get(name) or (
+                    f"atom {unknown[0]} is not among those of the script" if len(unknown) else "it changes"
+                )
+                raise AtcError(f"{frame.source}: select groups: who is in group {name} is not known: {why}")
+            inside &= g.inside[rows] if name != "all" else True
+        return inside
+
     def _group_bits(self, frame, table, rows, found):
         bits = np.zeros(len(frame), np.int64)
         for k, name in enumerate(self.groups):
@@ -433,6 +477,9 @@ class Setup:
                 g = table.group(name)
             except Trouble as e:
                 raise AtcError(f"{self.name}: group {name}: {e}") from None
+            if name in self.if_known and not (found.all() and not g.unsure[rows].any()):
+                bits |= 1 << (k + UNSURE)
+                continue
             if not found.all() and name != "all":
                 raise AtcError(
                     f"{frame.source}: whether atom {frame.ids[~found][0]} is in group {name} is not known, on which "

@@ -20,7 +20,7 @@ from ..base import Accumulator, Potential, Term, Work
 from ..elements import ElementMap
 from ..neighborhood import Neighborhood
 from .graph import Edges, Part, Place
-from .guards import GUARD, first_frame, identity, symmetric
+from .guards import COMPARE_EVERY, GUARD, against_own, identity, symmetric
 
 #: Edges up to which a frame is not worth being looked at for its memory.
 _SMALL = 20_000
@@ -88,7 +88,7 @@ class EdgeModel(Term):
         self.species = None if species is None else [str(s) for s in species]
         self.types = _types(types, self.species, name)
         self.reference = self._reference(reference)
-        self._looked = False
+        self._looked, self._evaluated = False, 0
 
     @property
     def threads(self) -> int:
@@ -370,7 +370,8 @@ class _EdgeWork(Work):
         moving = acc.sources and frame.velocities is not None
         v_nc = frame.velocities[near.atom] / term.length if moving else None
         source = frame.source
-        first = not term._looked
+        compare = term.own is not None and term._evaluated % COMPARE_EVERY == 0
+        term._evaluated += 1
         batch = term.look(edges, self.species, place, source, moving) if n else None
         parts = (
             [edges.whole()]
@@ -403,8 +404,8 @@ class _EdgeWork(Work):
         if moving:
             error = identity(term, edges, self.g_ec, self.a_e, share_n, v_nc, source)
             acc.measured("energy_identity", error)
-        if first and term.own is not None:
-            first_frame(term, edges, self.g_ec, energy_n, self.species, place, source, batch)
+        if compare:
+            against_own(term, edges, self.g_ec, energy_n, self.species, place, source, batch)
         if term.reference is not None:
             for number, value in term.reference.items():
                 energy_n[self.species == number] -= value

@@ -8,6 +8,9 @@ import numpy as np
 
 from ...errors import AtcError, AtcWarning
 
+#: The model's own call costs as much as a stress: the first evaluation and each tenth after it are compared with it.
+COMPARE_EVERY = 10
+
 #: Above this the per-atom identity, the virial's symmetry and the model's own numbers are not rounding.
 GUARD = {"float64": 1e-9, "float32": 2e-4}
 
@@ -42,7 +45,7 @@ def symmetric(term, edges, g_ec, source: str) -> None:
         )
 
 
-def first_frame(term, edges, g_ec, energy_n, species_n, place, source: str, batch) -> None:
+def against_own(term, edges, g_ec, energy_n, species_n, place, source: str, batch) -> None:
     """Energy, forces and virial against what the model itself says, by its own list of neighbours."""
     if batch is not None:
         warnings.warn(

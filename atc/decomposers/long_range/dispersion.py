@@ -9,7 +9,11 @@ and the stress of the package's docstring with this V. The matrix of the C_ij, t
 wᵀ, each like charges of its own: no mixing rule is needed. The divided difference D(a, b) of V is a sum of few products
 as well, Σ λ_r f_r(a) f_r(b), found as its eigenfunctions: with ψ_r of modes f_r ρ and Φ of modes V ρ,
 
-    σ = −λ { ½ (ρΦ − ½ ∇² Σ λ_r ψ_r²) 1 + Σ λ_r ∇ψ_r⊗∇ψ_r }.
+    σ = −λ { ½ (ρΦ − ½ ∇² Σ λ_r ψ_r²) 1 + Σ λ_r ∇ψ_r⊗∇ψ_r },
+
+and with currents J like ρ, j_r like ψ_r and W of modes V J the energy current
+
+    A = ½ λ { ½ (Wρ + JΦ) + Σ λ_r [−½ ∇²(j_r ψ_r) + (∇ j_r)·∇ψ_r + (∇·j_r) ∇ψ_r] }.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Frame
 from ..base import Accumulator, Term, Work
+from ..pair import kinds_of
 from .ewald import Smooth
 from .split import ACCURACY
 from .stress import Products
@@ -94,6 +99,7 @@ class LongRangeDispersion(Term):
     split : DispersionSplit
     C6 : (n_types + 1, n_types + 1), internal units
     run : what the script asked for, see `RunAccuracy`, or None
+    kinds : as of `Pairs`
     """
 
     pairwise = True
@@ -102,13 +108,11 @@ class LongRangeDispersion(Term):
     slab = None
     #: what its attributes are called
     prefix = "dispersion"
-    #: whether it knows its energy current
-    carries = False
     #: what of the tolerance its modes may take, over Coulomb's: bonds of repulsion leave a tenth of it
     share = 0.1
 
-    def __init__(self, split: DispersionSplit, C6, run=None):
-        self.split, self.C6, self.run = split, np.asarray(C6, float), run
+    def __init__(self, split: DispersionSplit, C6, run=None, kinds: str = ""):
+        self.split, self.C6, self.run, self.kinds = split, np.asarray(C6, float), run, kinds
         self.parts = as_products(self.C6)
         self.threads, self._kept = 1, None
 
@@ -131,9 +135,10 @@ class LongRangeDispersion(Term):
         """Raise AtcError for frames that the sum is not made for."""
         if frame.dimension == 2 or not frame.cell.periodic.all():
             raise AtcError(f"{frame.source}: long-range dispersion needs a cell that is periodic along x, y and z")
-        if len(frame) and frame.types.max() >= len(self.C6):
+        top = int(kinds_of(frame, self.kinds).max(initial=0))
+        if top >= len(self.C6):
             raise AtcError(
-                f"{frame.source}: atoms of type {int(frame.types.max())} but the pair coefficients cover types 1 to "
+                f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to "
                 f"{len(self.C6) - 1}: add a pair_coeff line for it"
             )
 
@@ -156,7 +161,8 @@ class LongRangeDispersion(Term):
 
     def transforms(self, kinds, nodes: int) -> int:
         """How many transforms `DispersionProducts` makes."""
-        return (8 + len(self.parts) * (2 + 4 * nodes)) * ("stress" in kinds)
+        each = {"stress": (8, 2, 4), "power": (6, 10, 16), "power_lab": (6, 10, 16)}
+        return sum(each[k][0] + len(self.parts) * (each[k][1] + each[k][2] * nodes) for k in kinds)
 
     def products(self, frame, layout, threads: int):
         return DispersionProducts(self, frame, layout, threads)
@@ -177,9 +183,9 @@ class _Work(Work):
         acc.energy += smooth.energy
         acc.virial += smooth.virial_cc
         if acc.forces is not None:
-            acc.forces += smooth.forces_nc()
+            acc.forces[: len(self.frame)] += smooth.forces_nc()
         if acc.energies is not None:
-            acc.energies += smooth.energies_n()
+            acc.energies[: len(self.frame)] += smooth.energies_n()
         return None
 
 
@@ -187,11 +193,11 @@ class _Part(Smooth):
     """The smooth part of one product λ w wᵀ: w are its charges."""
 
     def __init__(self, term, frame, weights, threads, transform=None):
-        self.part_weights = weights
+        self.part_weights = weights[kinds_of(frame, term.kinds)]
         super().__init__(term, frame, threads, transform=transform)
 
     def charges(self, frame):
-        return self.part_weights[frame.types]
+        return self.part_weights
 
     def potentials(self):
         return self.split.modes(np.sqrt(self.k2))
@@ -233,8 +239,11 @@ class SmoothDispersion:
     def virials_n6(self) -> np.ndarray:
         return self._sum(lambda p: p.virials_n6(), np.zeros((self.n, 6)))
 
+    def share_rates_n(self, v_nc) -> np.ndarray:
+        return self._sum(lambda p: p.share_rates_n(v_nc), np.zeros(self.n))
 
-# --- stress
+
+# --- stress and energy current
 
 
 class DispersionProducts(Products):
@@ -244,22 +253,25 @@ class DispersionProducts(Products):
         super().__init__(
             term, frame, layout.largest, layout.tolerance, 1, threads, layout.wide, layout.single, charges=False
         )
-        self.tolerance = layout.tolerance
+        k = np.sqrt(self.k2.astype(float))
+        self.V = term.split.modes(k)[0].astype(self.real)
+        shapes = divided_difference(term.split, float(k.max()), layout.tolerance)
+        self.tables = [(value, f(k).astype(self.real)) for value, f in shapes]
+
+    def _charges(self, w) -> np.ndarray:
+        """(n, 1) of one of the products."""
+        return w[kinds_of(self.frame, self.term.kinds)][:, None]
 
     def stress(self) -> np.ndarray:
         """(6, q0, q1, q2) xx, yy, zz, yz, xz, xy; tension positive, energy."""
         from .stress import PAIRS
 
-        k = np.sqrt(self.k2.astype(float))
-        V = self.term.split.modes(k)[0].astype(self.real)
-        shapes = divided_difference(self.term.split, float(k.max()), self.tolerance)
-        tables = [(value, f(k).astype(self.real)) for value, f in shapes]
         total = [np.zeros(self.counts, self.real) for _ in PAIRS]
         plain, squares = np.zeros(self.counts, self.real), np.zeros(self.counts, self.real)
         for weight, w in self.term.parts:
-            rho = self.transform.modes(self.frame.positions, w[self.frame.types][:, None])[0].astype(self.complex)
-            plain += weight * (self._real(rho) * self._real(V * rho))
-            for value, f in tables:
+            rho = self.transform.modes(self.frame.positions, self._charges(w))[0].astype(self.complex)
+            plain += weight * (self._real(rho) * self._real(self.V * rho))
+            for value, f in self.tables:
                 psi = f * rho
                 squares += (weight * value) * self._real(psi) ** 2
                 g = self._gradient(psi)
@@ -269,6 +281,29 @@ class DispersionProducts(Products):
         Q2 = sum(q * q for q in wave_vectors(self.q_index, self.vectors))
         modes[:3] -= 0.5 * (self._modes(plain) + 0.5 * Q2 * self._modes(squares))
         return modes
+
+    def current(self, v_nc) -> np.ndarray:
+        """(3, q0, q1, q2) A for atoms that move with v (n, 3)."""
+        plain = [np.zeros(self.counts, self.real) for _ in range(3)]
+        squares = [np.zeros(self.counts, self.real) for _ in range(3)]
+        for weight, w in self.term.parts:
+            q, x = self._charges(w), self.frame.positions
+            rho = self.transform.modes(x, q)[0].astype(self.complex)
+            J = self.transform.modes(x, q * v_nc).astype(self.complex)
+            near, wide = self._real(rho), self._real(self.V * rho)
+            for out, j in zip(plain, J):
+                out += (0.5 * weight) * (self._real(self.V * j) * near + self._real(j) * wide)
+            for value, f in self.tables:
+                psi, g = self._real(f * rho), self._gradient(f * rho)
+                div = self._real(f * sum(1j * k * j for k, j in zip(self.k_c, J)))
+                for a in range(3):
+                    part = div * g[a]
+                    for b in range(3):
+                        part += self._real(1j * self.k_c[a] * (f * J[b])) * g[b]
+                    plain[a] += (weight * value) * part
+                    squares[a] += (weight * value) * (self._real(f * J[a]) * psi)
+        Q2 = sum(q * q for q in wave_vectors(self.q_index, self.vectors))
+        return np.stack([0.5 * (self._modes(a) + 0.5 * Q2 * self._modes(b)) for a, b in zip(plain, squares)])
 
 
 def divided_difference(split: DispersionSplit, k_max: float, tolerance: float):

@@ -14,6 +14,7 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Frame
 from ..base import Accumulator, Term, Work
+from .sheet import Sheet
 from .split import Split
 from .transform import Direct, Transform, largest_of, twice, wave_vectors
 
@@ -48,8 +49,6 @@ class LongRangeCoulomb(Term):
     field = True
     #: what its attributes are called
     prefix = "coulomb"
-    #: whether it knows its energy current
-    carries = True
     #: what of the tolerance its modes may take, over the usual
     share = 1.0
 
@@ -58,6 +57,8 @@ class LongRangeCoulomb(Term):
         self.threads, self._kept = 1, None
         #: (n_types + 1, n_types + 1) bool, the pairs of types with bonds; None: all
         self.covered = None
+        #: whether some of the charges sit on virtual sites
+        self.on_sites = False
 
     def __getstate__(self):
         return {**self.__dict__, "_kept": None}
@@ -187,9 +188,9 @@ class _SmoothWork(Work):
         acc.energy += smooth.energy
         acc.virial += smooth.virial_cc
         if acc.forces is not None:
-            acc.forces += smooth.forces_nc()
+            acc.forces[: len(self.frame)] += smooth.forces_nc()
         if acc.energies is not None:
-            acc.energies += smooth.energies_n()
+            acc.energies[: len(self.frame)] += smooth.energies_n()
         return None
 
 
@@ -215,7 +216,7 @@ class Smooth:
         self.V, self.slope = self.potentials()
         self.q_n, self.x_nc = self.charges(frame), frame.positions
         self.rho = self.transform.modes(self.x_nc, self.q_n[:, None])[0]
-        self.dipole = float(self.q_n @ self.x_nc[:, 2])
+        self.sheet = Sheet(self.q_n, self.x_nc[:, 2], split.constant, self.volume) if term.slab is not None else None
 
     # --- what is Coulomb's
     def charges(self, frame):
@@ -236,9 +237,7 @@ class Smooth:
     @property
     def slab_energy(self) -> float:
         """2πC M_z²/V."""
-        if not self.E0:
-            return 0.0
-        return 0.125 * self.E0**2 * self.volume / (pi * self.split.constant)
+        return 0.0 if self.sheet is None else self.sheet.energy
 
     @property
     def energy(self) -> float:
@@ -267,10 +266,7 @@ class Smooth:
         """The atoms' shares."""
         q = self.q_n
         out = 0.5 * q * self.potential_n() - self.own_n
-        if self.E0:
-            z = self.x_nc[:, 2]
-            out -= 0.5 * self.E0 * q * (z - 0.5 * float(q @ (z * z)) / self.dipole)
-        return out
+        return out if self.sheet is None else out + self.sheet.energies_n()
 
     def field_nc(self) -> np.ndarray:
         """E = −∇Φ at the charges, with the slab's."""
@@ -286,16 +282,16 @@ class Smooth:
         """(n, 6) the atoms' shares of `virial_cc`: xx, yy, zz, yz, xz, xy."""
         F = self.rho / self.volume
         out = -0.5 * self.q_n[:, None] * self.transform.at([self._shape(a, b) * F for a, b in _PAIRS], self.x_nc)
-        if self.E0:
-            # Every pair of charges as a bond along z in an energy −(πC/V) q_i q_j z_ij².
-            own = (
-                -self.E0 * self.q_n * (self.x_nc[:, 2] - 0.5 * float(self.q_n @ self.x_nc[:, 2] ** 2) / self.dipole) / 2
-            )
-            out[:, :3] += own[:, None] * np.array([-1.0, -1.0, 1.0])
-        return out
+        return out if self.sheet is None else out + self.sheet.virials_n6()
 
     def potential_rate_n(self, v_nc) -> np.ndarray:
         """∂Φ/∂t at fixed places, at the charges, for charges that move with v."""
         J = self.transform.modes(self.x_nc, self.q_n[:, None] * v_nc)
         rate = sum(-1j * k * j for k, j in zip(self.k_c, J))
-        return self.transform.at([self.V * rate / self.volume], self.x_nc)[:, 0]
+        out = self.transform.at([self.V * rate / self.volume], self.x_nc)[:, 0]
+        return out if self.sheet is None else out + self.sheet.potential_rate_n(v_nc)
+
+    def share_rates_n(self, v_nc) -> np.ndarray:
+        """dU^(j)/dt of the atoms' shares."""
+        power = np.einsum("nc,nc->n", v_nc, self.forces_nc())
+        return 0.5 * (self.q_n * self.potential_rate_n(v_nc) - power)

@@ -12,13 +12,12 @@ from .ewald import LongRangeCoulomb
 from .split import ACCURACY, accuracy_for
 
 #: They all compute the sum that is computed here, to their own accuracy.
-STYLES = frozenset("ewald ewald/disp pppm pppm/cg pppm/stagger pppm/disp".split())
+STYLES = frozenset("ewald ewald/disp pppm pppm/cg pppm/stagger pppm/disp pppm/tip4p pppm/disp/tip4p".split())
 _REFUSED = {
     "msm": "multilevel summation is another sum, of a Coulomb interaction that ends at a distance",
     "scafacos": "what it computes depends on another library",
     "dipole": "point dipoles have torques, which no straight bond has",
     "dielectric": "each atom has a dielectric constant of its own, which frames do not carry",
-    "tip4p": "its charges sit on a virtual site whose force is spread over the molecule, not on atoms",
     "electrode": "the charges of electrodes follow from potentials",
     "zero": "its pair style keeps the bonds of a split whose other part is left out",
 }
@@ -181,7 +180,7 @@ def _dispersion(kspace: Kspace, styles, units, where: str):
     from .dispersion import LongRangeDispersion
 
     name = strip_suffix(kspace.style.words[0])
-    if not name.endswith("/disp"):
+    if "disp" not in name.split("/"):
         raise AtcError(
             f"{kspace.style.where}: kspace_style {name} has no dispersion: {styles[0].name} needs ewald/disp or "
             "pppm/disp"
@@ -231,6 +230,17 @@ def kspace_term(kspace: Kspace | None, terms, units, where: str):
         )
     term = LongRangeCoulomb(split, *kspace.asked(units))
     term.covered = covered > 0
+    term.on_sites = any(s.water is not None for s in styles)
+    if term.on_sites and not all(s.water is not None for s in styles):
+        raise AtcError(
+            f"{where}: some of the long-range sub-styles have the charges of TIP4P water on virtual sites, others on "
+            "its oxygens: tip4p/long for all of them"
+        )
+    if term.on_sites != ("tip4p" in kspace.style.words[0].split("/")):
+        raise AtcError(
+            f"{kspace.style.where}: kspace_style {kspace.style.words[0]} with pair_style {styles[0].name}: as in "
+            "LAMMPS, pppm/tip4p (or pppm/disp/tip4p) goes with tip4p pair styles, and only with them"
+        )
     return [term, *found]
 
 
@@ -276,7 +286,7 @@ def converged(pot, accuracy: float, alpha: float | None = None):
         elif isinstance(t, Pairs) and any(hasattr(s, "split") for s in t.styles):
             own = [s.split.alpha for s in coulomb_of([t])] if alpha is None else [alpha]
             grown = t.grow and _Grown(t.grow, accuracy, own[0] if own else None)
-            t = Pairs(_split(t.styles, accuracy, alpha), t.n_types, t.special, grown, t.exclusions)
+            t = type(t)(_split(t.styles, accuracy, alpha), t.n_types, t.special, grown, t.exclusions, t.kinds)
         new.terms.append(t)
     return new
 

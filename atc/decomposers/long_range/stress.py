@@ -22,6 +22,7 @@ from math import pi, sqrt
 import numpy as np
 
 from ...errors import AtcError
+from .sheet import Sheet
 from .transform import Transform, box_modes, good_length, largest_of, wave_vectors
 
 # Components of symmetric tensors.
@@ -31,6 +32,8 @@ ARRAYS, LARGEST = 16, 6.0e9
 #: Tolerances of fields from which on their products may be in single precision: smoothing averages what it rounds.
 SINGLE = 1e-5
 MOST_NODES = 24
+#: Steps in κ up to which the modes of kernels that jump are looked at.
+LAST_MODE = 60_000
 
 
 class Products:
@@ -146,12 +149,16 @@ class Products:
             self._add_slab(modes, E0)
         return modes
 
+    def _pick(self):
+        """The places of the products' modes among those of the charges."""
+        at = [np.searchsorted(np.sort(i), q) for i, q in zip(self.index, self.q_index)]
+        order = [np.argsort(i) for i in self.index]
+        return np.ix_(*(o[a] for o, a in zip(order, at)))
+
     def _add_slab(self, modes, E0):
         """The slab's uniform field with the charges' own, and with itself."""
         m0, m1, m2 = (len(i) for i in self.q_index)
-        at = [np.searchsorted(np.sort(i), q) for i, q in zip(self.index, self.q_index)]
-        order = [np.argsort(i) for i in self.index]
-        pick = np.ix_(*(o[a] for o, a in zip(order, at)))
+        pick = self._pick()
         k_c = wave_vectors(self.q_index, self.vectors)
         E = [-1j * k * self.potential[pick] * self.rho[pick] for k in k_c]
         for c, (a, b) in enumerate(PAIRS):
@@ -169,11 +176,6 @@ class Products:
     # --- energy current
     def current(self, v_nc) -> np.ndarray:
         """(3, q0, q1, q2) A for charges that move with v (n, 3)."""
-        if self.term.slab is not None:
-            raise AtcError(
-                "the energy current of a slab correction (kspace_modify slab) is not supported: leave out heat flux "
-                "and energy flux"
-            )
         J = self.transform.modes(self.frame.positions, self.frame.charges[:, None] * v_nc).astype(self.complex)
         mean = J[:, 0, 0, 0].real.copy()
         J[:, 0, 0, 0] = 0.0
@@ -206,7 +208,41 @@ class Products:
         Phi = self._real(U * self._smear(2.0) * self.rho)
         for out, m in zip(A, mean):
             out += float(0.5 * m / self.volume) * Phi
-        return np.stack([self._modes(out) for out in A])
+        modes = np.stack([self._modes(out) for out in A])
+        if self.term.slab is not None:
+            self._add_slab_current(modes, J, v_nc)
+        return modes
+
+    def _add_slab_current(self, modes, J, v_nc):
+        """The slab's potential Φ_s = −E₀ z + const with the charges' own, and with itself, in the way of `current`.
+
+        Its vector potential is that of every charge, −(2πC/V)(z − z_j)² q_j v_j. What is left of it where the charges
+        have a current along z, which would grow with z, is ½ ∂E₀/∂t Σ q_j z_j in ∇·A; it is given the potential flow
+        that has this divergence. Charges that all move alike have A = −σ·v, as they must.
+        """
+        q_n, x_nc = self.frame.charges, self.frame.positions
+        sheet = Sheet(q_n, x_nc[:, 2], self.term.split.constant, self.volume)
+        pick = self._pick()
+        Q_c = wave_vectors(self.q_index, self.vectors)
+        U = self.potential[pick] / self.c
+        E0, rate = -sheet.k * sheet.M, -sheet.k * float(q_n @ v_nc[:, 2])
+        W = [U * j[pick] for j in J]
+        slope = [1j * Q * U * self.rho[pick] for Q in Q_c]
+        # E₀ ẑ × (∇×W) + E₀ (∇·W) ẑ = E₀ (∂_x W_z ... ): by components.
+        div = sum(1j * Q * w for Q, w in zip(Q_c, W))
+        for a in (0, 1):
+            modes[a] += 0.5 * E0 * 1j * (Q_c[a] * W[2] - Q_c[2] * W[a])
+        modes[2] += 0.5 * E0 * div
+        # −∇Φ×(ẑ×P) − P_z ∇Φ, P = (4πC/V) Σ q z v.
+        P = sheet.k * ((q_n * sheet.z_n) @ v_nc)
+        along = sum(P[a] * slope[a] for a in range(3))
+        for a in range(3):
+            modes[a] += 0.5 * (P[a] * slope[2] - (along if a == 2 else 0.0) - P[2] * slope[a])
+        z = self.transform.modes(x_nc, (q_n * sheet.z_n)[:, None])[0][pick]
+        for a in range(3):
+            modes[a] -= 0.5 * rate * 1j * Q_c[a] * U * z
+        w_n6 = sheet.virials_n6()
+        modes[:, 0, 0, 0] -= np.einsum("nc,nc->c", w_n6[:, :3], v_nc)
 
 
 def mesh_of(vectors, split, largest_q, tolerance, wide=1.0, itemsize=8):
@@ -252,15 +288,21 @@ def largest_wave_of(kernel, tolerance: float, alpha: float) -> float:
     """The wave number up to which the smoothed field's modes are kept: φ̂ decays, and K_µν like α/Q beyond."""
     from ...deposit import fourier
 
-    spec = fourier.spectrum(kernel)
-    k = spec.k / spec.scale
-    power = spec.power * np.minimum(1.0, (alpha / k) ** 2)
+    if kernel.jumps and kernel.last_mode is None:  # a product of functions of x, y and z
+        kappa = (np.arange(LAST_MODE) + 0.5) * 0.05
+        k, power = kappa / kernel.scale, kernel.hat_along(kappa) ** 2
+    else:
+        spec = fourier.spectrum(kernel)
+        k, power = spec.k / spec.scale, spec.power
+    power = power * np.minimum(1.0, (alpha / k) ** 2)
     tail = np.cumsum(power[::-1])[::-1] / power.sum()
     fine = np.sqrt(3.0 * tail) <= tolerance
     # Near the table's end the tail is cut short.
     if not fine.any() or np.argmax(fine) > 0.5 * len(k):
         raise AtcError(
-            f"long-range Coulomb: the modes of kernel {kernel.name!r} decay too slowly for this tolerance: take a "
-            "smoother kernel (gaussian, lucy) or a looser tolerance"
+            f"long-range Coulomb: the modes of kernel {kernel.name!r} decay too slowly for this tolerance: "
+            f"{float(np.sqrt(3.0 * tail[len(k) // 2])):.1g} of the field is in those beyond "
+            f"{k[len(k) // 2] * kernel.radius:.3g} over its radius: take a smoother kernel (gaussian, lucy) or a "
+            "looser tolerance"
         )
     return float(k[np.argmax(fine)])

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...compiled import njit
+from ...kernels.binned import profile_of
 
 # Bins of a slab profile that are computed twice.
 SLAB_BINS = 5
@@ -208,7 +209,7 @@ class SlabBins:
         self.origin = cell.origin
         self.periodic = bool(cell.periodic[bound.axis])
         self.z_g = (which + 0.5) / bound.shape[0] * self.height
-        self.marginal = kern.marginal(self.normal)
+        self.marginal = profile_of(kern, bound)
 
     def sites(self, x_nc, a_nk) -> np.ndarray:
         """(g, k) Σ a φ₁/A."""

@@ -366,6 +366,10 @@ class ForceModel:
         for b in self.parts():
             yield self.forces_of_bonds(z, None, b[intact_b[b] != 0])
 
+    def heat(self, rise_n):
+        """Take up that temperatures have risen by `rise_n` (n,)."""
+        raise AtcError(f"temperature: {self.first.name} has no thermal expansion: take lps or elastic, with expansion")
+
     def refresh(self, z, intact_b):
         """Bring what nodes know of their families to this state, for `forces_of_bonds` with intact_b None. Bonds that
         are on their own need nothing."""

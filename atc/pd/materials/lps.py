@@ -11,9 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
+from ...errors import AtcError
 from ..blocks import node_rows
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather, gather_positions
+from ..surface import moment_factors
 from .base import BondForces, ForceModel, Isotropic, deformed, influence_function
 from .rows import eights
 
@@ -26,15 +28,35 @@ class LPS(Isotropic):
     bulk, shear : K and G; or youngs, poisson. Three-dimensional constants.
     influence : ω(|ξ|, δ): "inverse" (1/|ξ|) by default, a name of `INFLUENCE` or a function
     volume_correction : the share ν of volumes near the horizon
+    surface_correction : None, or "energy": bonds are weighted so that nodes, at surfaces too (but not at edges and
+        corners) and in any cloud, have the classical dilatation and energy in every uniform strain
+        (`surface.moment_factors`)
+    expansion : linear thermal expansion α: where the temperature has risen by ΔT (`Simulation(temperature=)`) bonds
+        are at rest, and break, by what they are longer than (1 + αΔT)|ξ|, ΔT the mean of their ends
     """
 
     name = "lps"
 
     def __init__(
-        self, bulk=None, shear=None, *, youngs=None, poisson=None, influence="inverse", volume_correction=True
+        self,
+        bulk=None,
+        shear=None,
+        *,
+        youngs=None,
+        poisson=None,
+        influence="inverse",
+        volume_correction=True,
+        surface_correction=None,
+        expansion=0.0,
     ):
         super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
+        self.expansion = float(expansion)
+        if not np.isfinite(self.expansion):
+            raise AtcError(f"{self.name}: expansion must be a finite number, got {expansion!r}")
         self.influence, self.volume_correction = influence, bool(volume_correction)
+        self.surface_correction = surface_correction
+        if surface_correction not in (None, "energy"):
+            raise AtcError(f'surface_correction must be None or "energy", got {surface_correction!r}')
 
     @staticmethod
     def model(*args, **options):
@@ -47,8 +69,24 @@ class Elastic(LPS):
 
     name = "elastic"
 
-    def __init__(self, youngs, poisson, *, influence="inverse", volume_correction=True):
-        super().__init__(youngs=youngs, poisson=poisson, influence=influence, volume_correction=volume_correction)
+    def __init__(
+        self,
+        youngs,
+        poisson,
+        *,
+        influence="inverse",
+        volume_correction=True,
+        surface_correction=None,
+        expansion=0.0,
+    ):
+        super().__init__(
+            youngs=youngs,
+            poisson=poisson,
+            influence=influence,
+            volume_correction=volume_correction,
+            surface_correction=surface_correction,
+            expansion=expansion,
+        )
 
 
 class StateModel(ForceModel):
@@ -64,6 +102,10 @@ class StateModel(ForceModel):
         self.a_n = self.per_node(lambda m: d**2 * (by[id(m)][0] - by[id(m)][1]))
         self.b_n = self.per_node(lambda m: d * (d + 2) * by[id(m)][1])
         self.W_b = self.weights()
+        if self.first.surface_correction is not None:
+            if lammps_compat:
+                raise AtcError("surface_correction: LAMMPS has none, so that lammps_compat cannot be had with it")
+            self.W_b *= moment_factors(body, self.W_b)
         r2 = t.r0_b**2
         if lammps_compat and len(t.image_b):
             # LAMMPS leaves out the images here: |X_j − X_i| across the box.
@@ -83,10 +125,35 @@ class StateModel(ForceModel):
         self.scalar_buf = np.empty(len(self.buf))
         self.e_b = np.zeros(len(t))
         self.y_nk = node_rows(self.n)
+        # Extensions of bonds at rest, and Σ W |ξ| of them over each node's intact bonds; None without a temperature.
+        self.rest_b = self.rest_S_n = None
+        self._rest_of = None, -1
+
+    def heat(self, rise_n):
+        """Bonds at rest are those at temperatures that have risen by `rise_n` (n,)."""
+        t = self.table
+        # Held to its plane, a plate expands by more.
+        held = self.body.dimension == 2 and self.body.plane == "strain"
+        more = lambda m: 1 + (3 * m.bulk - 2 * m.shear) / (2 * (3 * m.bulk + m.shear)) if held else 1.0  # noqa: E731
+        alpha = self.per_node(lambda m: m.expansion * more(m)) * rise_n
+        self.rest_b = 0.5 * (alpha[t.i_b] + alpha[t.j_b]) * t.r0_b
+        self.rest_S_n, self._rest_of, self._standing = None, (None, -1), None
+
+    def beyond_rest(self, e, which):
+        """Extensions less those at rest of bonds `which`."""
+        return e if self.rest_b is None else e - self.rest_b[which]
+
+    def _rest_sums(self, intact_b):
+        now = intact_b, int(np.count_nonzero(intact_b))
+        if self._rest_of[0] is not intact_b or self._rest_of[1] != now[1]:
+            self._rest_of = now
+            self.rest_S_n = self.table.sums(np.where(intact_b != 0, self.W_b * self.table.r0_b * self.rest_b, 0.0))
+        return self.rest_S_n
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
-        t, bl = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b), self.blocks
-        r0, W, WB = t.columns
+        warm = () if self.rest_b is None else (self.rest_b,)
+        t, bl = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, *warm), self.blocks
+        r0, W, WB, *rest = t.columns
         # Extensions into e_b, S into S_n; current positions and A into y_nk.
         self.crew.run(
             _extensions,
@@ -108,24 +175,30 @@ class StateModel(ForceModel):
             self.scalar_buf,
         )
         self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
-        return self.account(
-            z, t.broke(self.pull(t, gather_positions, _row, self.y_nk, (r0, W, WB, self.e_b), F_nc, smin_n, damage))
-        )
+        law, data = _row, (r0, W, WB, self.e_b)
+        if rest:
+            self.S_n -= self._rest_sums(intact_b)
+            self.y_nk[:, 3] = self.h_n * self.S_n
+            self.y_nk[:, 7] = -self.y_nk[:, 3]
+            law, data = _row_warm, (*data, rest[0])
+        return self.account(z, t.broke(self.pull(t, gather_positions, law, self.y_nk, data, F_nc, smin_n, damage)))
 
     def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n
         is still that before)."""
         i, j, _, _, e, _ = deformed(self, z, which)
+        e = self.beyond_rest(e, which)
         W, r0 = self.W_b[which], self.table.r0_b[which]
         own = float((0.5 * self.WB_b[which] * e**2).sum())
         dS = np.bincount(i, W * r0 * e, self.n) + np.bincount(j, W * r0 * e, self.n)
         return own + float((0.5 * self.h_n * (self.S_n**2 - (self.S_n - dS) ** 2)).sum())
 
     def dilatation_n(self, z, intact_b):
-        """(n,) θ."""
+        """(n,) θ, less that at rest."""
         S = np.zeros(self.n)
         for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
+            e = self.beyond_rest(e, b)
             Wre = self.W_b[b] * self.table.r0_b[b] * e * (intact_b[b] != 0)
             S += np.bincount(i, Wre, self.n) + np.bincount(j, Wre, self.n)
         return self.body.dimension * np.divide(S, self.M_n, out=np.zeros(self.n), where=self.M_n > 0), S
@@ -137,6 +210,7 @@ class StateModel(ForceModel):
         sums = np.zeros(self.n)
         for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
+            e = self.beyond_rest(e, b)
             W, r0 = self.W_b[b] * (intact_b[b] != 0), self.table.r0_b[b]
             sums += np.bincount(i, W * (e - less[i] * r0) ** 2, self.n) + np.bincount(
                 j, W * (e - less[j] * r0) ** 2, self.n
@@ -152,7 +226,8 @@ class StateModel(ForceModel):
     def forces_of_bonds(self, z, intact_b, whole):
         i, j, eta, xi, e, r = deformed(self, z, whole)
         A = self.h_n * (self.S_n if intact_b is None else self.dilatation_n(z, intact_b)[1])
-        pull = self.W_b[whole] * (A[i] + A[j]) * self.table.r0_b[whole] + self.WB_b[whole] * e
+        own = self.WB_b[whole] * self.beyond_rest(e, whole)
+        pull = self.W_b[whole] * (A[i] + A[j]) * self.table.r0_b[whole] + own
         G = np.divide(pull, r, out=np.zeros(len(whole)), where=r > 0)
         y = xi + eta
         return BondForces(i, j, -y, -xi, G[:, None] * y, G, whole)
@@ -259,6 +334,28 @@ def _row(m, b0, i, node, w, v, intact, data):
         s = e[b] * D * r if r > 0.0 else -1.0
         whole = intact[b] != 0
         K = (W[b] * w[3 * C + k] * L + WB[b] * e[b]) * D * L
+        K = K if whole else 0.0
+        w[k] *= K
+        w[C + k] *= K
+        w[2 * C + k] *= K
+        w[6 * C + k] = s if whole else np.inf
+        w[7 * C + k] = s if whole else -np.inf
+
+
+@njit(**INLINE)
+def _row_warm(m, b0, i, node, w, v, intact, data):
+    """`_row` with bonds that are at rest at an extension of their own."""
+    r0, W, WB, e, rest = data
+    for k in range(eights(m, b0, intact)):
+        b = np.uint64(b0) + np.uint64(k)
+        L = r0[b]
+        x = e[b] - rest[b]
+        r = L + e[b]
+        D = r * L
+        D = 1.0 / D if D > 0.0 else 0.0
+        s = x * D * r if r > 0.0 else -1.0
+        whole = intact[b] != 0
+        K = (W[b] * w[3 * C + k] * L + WB[b] * x) * D * L
         K = K if whole else 0.0
         w[k] *= K
         w[C + k] *= K
