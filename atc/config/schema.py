@@ -540,6 +540,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _list_of(_list_of(_number, 3), 3),
             "the crystal directions along the run's x, y, z, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]",
         ),
+        "reference_stress": Key(_boolean, "true or false"),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
         "fracture": Key(_boolean, "true or false"),
         "crack_direction": Key(_list_of(_number, 3), "the direction that the crack runs in, e.g. [1, 0, 0]"),
