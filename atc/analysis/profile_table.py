@@ -4,6 +4,7 @@ drawn."""
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -194,24 +195,38 @@ class Profile:
 
     def figure(self):
         """A matplotlib Figure: a panel for each kind of profile, bands of one standard error."""
+        import matplotlib as mpl
         from matplotlib.figure import Figure
 
-        groups: dict[str, list[Column]] = {}
+        from ..pictures.drawing import STYLE, figure, titled
+        from ..pictures.geometry import unit_text
+
+        groups: dict[tuple[str, str], list[Column]] = {}
         for c in self.columns.values():
-            groups.setdefault(f"{c.group}\n({c.units})", []).append(c)
-        figure = Figure(figsize=(6.8, 1.2 + 1.9 * len(groups)), layout="constrained")
-        panels = np.atleast_1d(figure.subplots(len(groups), 1, sharex=True))
-        for axes, (title, columns) in zip(panels, groups.items()):
-            for k, c in enumerate(columns):
-                axes.fill_between(
-                    self.z, c.values - c.stderr, c.values + c.stderr, alpha=0.3, linewidth=0, color=f"C{k}"
-                )
-                axes.plot(self.z, c.values, color=f"C{k}", label=c.label)
-            axes.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
-            axes.set_ylabel(title)
-            if len(columns) > 1:
-                axes.legend(frameon=False, fontsize="small")
-        panels[-1].set_xlabel(f"{self.axis} ({self.length_units})")
+            groups.setdefault((c.group, c.units), []).append(c)
         tension = self.numbers.get("surface_tension_si") or self.numbers.get("surface_tension")
-        figure.suptitle(f"surface tension {tension}" if tension else self.source)
-        return figure
+        with mpl.rc_context(STYLE):
+            fig, panels = figure(Figure, len(groups), 5.2, 2.3, columns=1 if len(groups) < 4 else 2)
+            for axes, ((group, units), columns) in zip(panels.flat, groups.items()):
+                for k, c in enumerate(columns):
+                    axes.fill_between(
+                        self.z, c.values - c.stderr, c.values + c.stderr, alpha=0.3, linewidth=0, color=f"C{k}"
+                    )
+                    axes.plot(self.z, c.values, color=f"C{k}", label=_raised(c.label))
+                axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
+                unit = unit_text(units)
+                axes.set_ylabel(f"{_raised(group)}\n({unit})" if unit else _raised(group))
+                axes.set_xlabel(f"{self.axis} ({unit_text(self.length_units)})")
+                axes.set_xlim(self.z.min(), self.z.max())
+                axes.spines[["top", "right"]].set_visible(False)
+                if len(columns) > 1:
+                    axes.legend()
+            for axes in list(panels.flat)[len(groups) :]:
+                axes.remove()
+            titled(fig, f"surface tension {tension}" if tension else self.source)
+        return fig
+
+
+def _raised(label: str) -> str:
+    """As mathematics where a label has symbols with subscripts: p_N, v_x."""
+    return re.sub(r"\b([^\W\d_])_(\w+)", r"$\1_{\2}$", label)

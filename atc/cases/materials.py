@@ -72,6 +72,8 @@ def _value(name):
         return Key(_not_negative, "a number, 0 or more, e.g. 0.1")
     if name in ("poisson",):
         return Key(_number, "a number, e.g. 0.25")
+    if name == "fraction":
+        return Key(_not_negative, "a share between 0 and 1, e.g. 0.5")
     if name == "expansion":
         return Key(_number, "a strain per temperature, e.g. 2.6e-6")
     return Key(_number if name.startswith("lam") else _positive, "a number greater than 0")

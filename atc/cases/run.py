@@ -57,6 +57,7 @@ LEDGER = {
     "work_constraint": "work done by prescribed motions",
     "dissipated_fracture": "energy gone with broken bonds",
     "dissipated_damping": "energy gone by damping",
+    "dissipated_material": "energy gone in materials that relax",
     "total": "kinetic + strain + contact - work + dissipated: constant but for the integrator's error",
 }
 

@@ -14,8 +14,8 @@ import numpy as np
 from ..bonds import Bonds
 from ..frame import Frame
 from .base import Accumulator, Term, Work
-from .neighborhood import Neighborhood, by_place, impossible
-from .stillinger_weber_kernels import ODD, sw_index, sw_merge, sw_runs, sw_triplets
+from .neighborhood import Neighborhood, by_place, impossible, runs_of
+from .stillinger_weber_kernels import ODD, sw_index, sw_merge, sw_triplets
 
 NOTHING = np.zeros(0)
 #: Sources at the ends of pairs, and of bonds, where nobody wants them.
@@ -137,7 +137,7 @@ class TripletWork(Work):
         # Slot (pair, end) with the triplet's centre at that end: ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre.
         self.S_end = np.zeros((len(self.a), 2, 2, 3)) if acc.sources else None
         self.out_start, self.in_start, self.in_pair = sw_index(self.a, self.b, len(self.atom))
-        self.runs, self.most, self.room = sw_runs(self.out_start, self.in_start, OUTER_PER_TASK)
+        self.runs, self.most, self.room = runs_of(self.out_start + self.in_start, OUTER_PER_TASK)
         pairs, join, _, merge = self.stages
         self.stages = (pairs, join, len(self.runs) - 1, merge)
 

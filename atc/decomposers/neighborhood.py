@@ -79,11 +79,12 @@ class Neighborhood:
     def runs(self, limit: int) -> tuple[np.ndarray, int, int]:
         """Edges of runs of atoms with at most `limit` pairs of neighbours (or one atom); the most neighbours of an
         atom; the most pairs of a run."""
-        return _runs(self.start, limit)
+        return runs_of(self.start, limit)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _runs(start, limit):
+def runs_of(start, limit):
+    """Edges of runs of atoms, see `Neighborhood.runs`; an atom's neighbours are start[s + 1] − start[s]."""
     n = len(start) - 1
     edges = [0]
     most = room = here = 0

@@ -95,28 +95,6 @@ def sw_index(a, b, n):
     return out_start, in_start[: n + 1], in_pair
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def sw_runs(out_start, in_start, limit):
-    """Runs of atoms with at most `limit` triplets (or one atom): their edges; the most neighbours of an atom; the most
-    triplets of a run."""
-    n = len(out_start) - 1
-    edges = [0]
-    most = 0
-    room = 0
-    here = 0
-    for s in range(n):
-        k = out_start[s + 1] - out_start[s] + in_start[s + 1] - in_start[s]
-        t = k * (k - 1) // 2
-        if here + t > limit and s > edges[-1]:
-            edges.append(s)
-            here = 0
-        here += t
-        most = max(most, k)
-        room = max(room, here)
-    edges.append(n)
-    return np.array(edges), most, room
-
-
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _odd(kind, cos, row):
     """1 where the derivative of an angular function is not what it says: see the notes that count them."""

@@ -151,7 +151,8 @@ class FieldSums:
         term = self.terms[n]
         vectors, origin = term.box(frame)
         wave = _wave(term, self.kern, max(term.share * self.tolerance, FINEST)) * (WIDER if self.tight else 1.0)
-        largest = largest_of(wave, vectors)
+        # One more: how much the modes have is known on average, and in a small cell they are few.
+        largest = largest_of(wave, vectors) + 1
         if self.bound.kind == "slab":
             largest[[a for a in range(3) if a != self.bound.axis]] = 0
         fine = max(term.share * self.fine, FINEST)

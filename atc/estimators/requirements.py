@@ -58,7 +58,7 @@ def require_directed(pot, work: Work) -> None:
         )
     # Forces across the bonds of a rigid body belong to no energy of an atom, those of a body's bonds to none that is
     # known.
-    unknown = pot.constraints is not None and (pot.constraints.across or pot.sites is None)
+    unknown = pot.constraints is not None and pot.constraints.across
     if work.source_users and (unknown or not pot.terms):
         raise AtcError(
             f"{', '.join(work.source_users)}: the forces of {pot.describe()} do not act along bonds, and which atom's "

@@ -26,7 +26,8 @@ class Energies:
     kinetic, strain, contact : of the state. indenter : stored in the penetration of indenters and walls (their moving
         does work).
     work_external : done by indenters, walls and body forces; work_constraint : done by prescribed motions
-    dissipated_fracture, dissipated_damping : gone with broken bonds, and by damping
+    dissipated_fracture, dissipated_damping, dissipated_material : gone with broken bonds, by damping, and in materials
+        that relax
     """
 
     kinetic: float
@@ -37,6 +38,7 @@ class Energies:
     work_constraint: float
     dissipated_fracture: float
     dissipated_damping: float
+    dissipated_material: float = 0.0
 
     @property
     def total(self) -> float:
@@ -44,7 +46,7 @@ class Energies:
         bodies break."""
         return (
             self.kinetic + self.strain + self.contact - self.work_external - self.work_constraint
-            + self.dissipated_fracture + self.dissipated_damping
+            + self.dissipated_fracture + self.dissipated_damping + self.dissipated_material
         )  # fmt: skip
 
 
@@ -212,6 +214,7 @@ class Simulation:
         state.u_nc = self._z[:, :3]
         self.state = state
         self.model.resume(state.smin_n)
+        self.model.remember(state.history)
 
     @property
     def positions_nc(self) -> np.ndarray:
@@ -343,7 +346,9 @@ class Simulation:
         middle = [s.v_nc[p.nodes].copy() for p in self.prescribed] if held else ()
         s.step += 1
         s.time = s.time + dt
+        self.model.advance(dt)
         self._contact_energy, self._rigid_energy = self._all_forces(self.damages)
+        s.ledger["dissipated_material"] += self.model.taken
         if self.external:
             s.ledger["work_external"] += half * total(power, self.crew, n, s.external_nc, s.v_nc)
         if self.damping:

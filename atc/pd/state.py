@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import AtcError
 
-LEDGER = ("work_external", "work_constraint", "dissipated_fracture", "dissipated_damping")
+LEDGER = ("work_external", "work_constraint", "dissipated_fracture", "dissipated_damping", "dissipated_material")
 
 
 def no_bonds():
@@ -29,7 +29,9 @@ class State:
         bonds. s0 follows from it.
     intact_b : (b,) uint8 over `body.bonds`: 0 broken, 1 whole, 2 whole and never breaks
     step : int. time : float.
-    ledger : sums since the start: work_external, work_constraint, dissipated_fracture, dissipated_damping (energy each)
+    ledger : sums since the start: work_external, work_constraint, dissipated_fracture, dissipated_damping,
+        dissipated_material (energy each)
+    history : what a material with a memory keeps of the past, by name; empty for others
     pending : i, j, F_bc of bonds that broke in this very step: they pull until the next half kick, and the ledger
         counts that too
     """
@@ -44,6 +46,7 @@ class State:
     time: float = 0.0
     ledger: dict = field(default_factory=lambda: dict.fromkeys(LEDGER, 0.0))
     pending: dict = field(default_factory=no_bonds)
+    history: dict = field(default_factory=dict)
 
     @classmethod
     def rest(cls, body) -> State:
@@ -62,7 +65,7 @@ class State:
         out = {}
         for f in fields(self):
             value = getattr(self, f.name)
-            if f.name in ("ledger", "pending"):
+            if f.name in ("ledger", "pending", "history"):
                 out.update({f"{f.name}.{k}": np.array(v) for k, v in value.items()})
             else:
                 out[f.name] = np.array(value)
@@ -73,7 +76,7 @@ class State:
         """The inverse of `to_arrays`; raises AtcError for a missing array."""
         values = {}
         for f in fields(cls):
-            if f.name in ("ledger", "pending"):
+            if f.name in ("ledger", "pending", "history"):
                 values[f.name] = {
                     k[len(f.name) + 1 :]: np.array(v) for k, v in arrays.items() if k.startswith(f.name + ".")
                 }

@@ -41,6 +41,10 @@ class _Statics:
 
     def __enter__(self):
         sim = self.sim
+        if sim.model.remembers:
+            raise AtcError(
+                f"{sim.model.first.name}: what is at rest depends on its history: run it in time, with damping"
+            )
         n = len(sim.body)
         self.held = np.zeros((n, 3), bool)
         self.held[:, sim.body.dimension :] = True

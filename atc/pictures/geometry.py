@@ -28,10 +28,11 @@ PROFILES = ("line", "slab", "planes")
 
 
 def unit_text(units: str) -> str:
-    """The unit as drawn: Å for angstrom, powers raised."""
+    """The unit as drawn: Å for angstrom, Greek letters, powers raised."""
     if units in _TEX:
         return _TEX[units]
-    text = units.replace("angstrom", "Å").replace("*", "·")
+    text = units.replace("angstrom", "Å").replace("*", "·").replace("kB", "$k_B$")
+    text = re.sub(r"\b(sigma|epsilon|tau)\b", r"$\\\1$", text)
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", text)
 
 

@@ -86,7 +86,12 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
             ax.set(xlim=(lo[0] - pad, hi[0] + pad), ylim=(lo[1] - pad, hi[1] + pad), aspect="equal")
             ax.set_facecolor("0.96")
             art = _squares(ax, x[nearer][:, across], values[nearer], spacing, cmap, low, high)
-            fig.colorbar(art, ax=ax, extend=extend, shrink=0.9, label=label_of(da, c, da.attrs.get("units", "")))
+            fig.colorbar(
+                art,
+                cax=ax.inset_axes([1.03, 0.0, 0.045, 1.0]),
+                extend=extend,
+                label=label_of(da, c, da.attrs.get("units", "")),
+            )
             labels = [f"{'xyz'[k]} ({unit_text(unit)})" if unit else "xyz"[k] for k in across]
             ax.set(xlabel=labels[0], ylabel=labels[1])
         for ax in list(axes.flat)[len(panels) :]:

@@ -114,7 +114,9 @@ def plot(
         chosen = component or through(ds, da)
         comps = _scalars(da, chosen if rank(da) or len(wanted) == 1 else None, dimension)
         if len(wanted) > 1 and chosen is None and rank(da):
-            comps = ["magnitude" if rank(da) == 1 else "vonmises"]
+            dims = grid_dims(da)
+            along = [str(dims[0])] if len(dims) == 1 and dims[0] in ("x", "y", "z")[:dimension] else ["magnitude"]
+            comps = along if rank(da) == 1 else ["vonmises"]
         panels += [(name, da, c) for c in comps]
     dims = {tuple(grid_dims(da)) for _, da, _ in panels}
     if len(dims) > 1:

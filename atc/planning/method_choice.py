@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from ..errors import AtcError
-from ..estimators.accuracy.strongest_bonds import WATCHED
 from ..estimators.methods import EXACT, Method
 from .costs import Costs, Load, collapsed, direct, gather, points_each, spectral, spectral_memory
 
@@ -31,14 +30,11 @@ LOOSEST = 0.1
 CHEAP = 3e-3
 #: CPU seconds, of a run, that it takes to look for the cheapest method of sums over atoms, and over bonds; and, of a
 #: frame, to watch the strongest bonds where their sum is approximate: whatever the frame, for each bond, and at most.
-SEARCH, WATCH = (3e-3, 0.02), (0.028, 5e-8, 0.15)
+SEARCH, WATCH = (3e-3, 0.035), (0.028, 5e-8, 0.15)
 #: What of an exact sum's time all that an approximate one takes may be expected to cost. That is known less well (on
 #: busy machines spreading on large meshes took three times as long as foreseen), and a looser tolerance must never be
 #: dearer than the exact sum.
 WORTH = 0.6
-#: CPU seconds of a forecast beside the forces: whatever the frame, and for each bond; how many methods it looks at;
-#: how many times that it must promise to save.
-FORECAST, LOOKS, GAIN = (6e-3, 2e-8), 2, 1.2
 #: Bytes that meshes may take.
 MOST_MEMORY = 4e9
 
@@ -150,7 +146,7 @@ def choose_methods(
         exact = (gather if by_gather else direct)(costs, bound, kern, items, length, components)
         look = None
         if forecast is not None and not cancelling and key == "bond" and work.bond == ["stress"]:
-            look = _Look(forecast, load.seconds(costs, atoms) + FORECAST[0] + FORECAST[1] * items, n_frames)
+            look = _Look(forecast, load.seconds(costs, atoms))
         out[key] = _one(
             method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look,
             carriers(key, work, atoms), (together or {}).get(key, 1), n_frames, CANCELLING if cancelling else 1.0,
@@ -160,12 +156,10 @@ def choose_methods(
 
 @dataclass
 class _Look:
-    """A forecast that has not been made: how, and what making it costs, but for what looks at a method cost; of how
-    many frames the run is."""
+    """A forecast that has not been made: how, and what its pass over the bonds costs."""
 
     make: object
     seconds: float
-    n_frames: int
 
 
 def _one(
@@ -209,14 +203,12 @@ def _one(
     if exact < CHEAP or allowed <= 0.0:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 
-    start, spent = closer * tolerance, 0.0
-    if look is not None:
-        start, spent = _start(tolerance, ways, exact, allowed, look)
+    start = closer * tolerance if look is None else _start(tolerance, ways, exact, allowed, look)
     try:
         fast = ways.cost(start)
     except AtcError as e:
         return Method("direct", reason=f"spectral cannot: {_short(e)}")
-    if fast >= allowed - spent:
+    if fast >= allowed:
         return Method(
             "direct",
             reason=f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method",
@@ -258,11 +250,6 @@ class _Spectral:
         """The same with points on all bonds, as what is computed again goes, which is rare: to find the best order of
         moments for every tolerance takes longer than a small frame."""
         return replace(self, carried=0.0) if self.carried else self
-
-    def cost_of_look(self, t) -> float:
-        """CPU seconds of the error that the strongest bonds alone make everywhere."""
-        alone = WATCHED, self.length, 1
-        return spectral(self.costs, self.empty(t), *alone) + direct(self.costs, self.bound, self.kern, *alone)
 
     def empty(self, t):
         """A deposit by points for one component."""
@@ -311,24 +298,22 @@ def adjusted(
         return method
 
 
-def _start(tolerance, ways, exact, allowed, look) -> tuple[float, float]:
+def _start(tolerance, ways, exact, allowed, look) -> float:
     """The loosest tolerance of the spectral method that the forecast expects to be enough, if a forecast is worth its
-    while, and the seconds a frame of that. allowed : seconds that the sum may take."""
-    ladder, ways = _loose(tolerance), ways.by_points
+    while. allowed : seconds that the sum may take."""
+    ladder, any_way, ways = _loose(tolerance), ways, ways.by_points
     if not ladder:
-        return tolerance, 0.0
+        return tolerance
     try:
         loosest = ways.cost(ladder[0])
     except AtcError:
-        return tolerance, 0.0
+        return tolerance
     try:
         tight = min(ways.cost(tolerance), exact)
     except AtcError:
         tight = exact
-    seconds = look.seconds + LOOKS * ways.cost_of_look(ladder[0])
-    each = seconds / look.n_frames
-    if tight - loosest < GAIN * seconds or loosest + each >= allowed:
-        return tolerance, 0.0
+    if tight - loosest < 2.0 * look.seconds or (loosest >= allowed and any_way.cost(ladder[0]) >= allowed):
+        return tolerance
     forecast, at_most = look.make(), ladder[0]
     for t in [*ladder, tolerance]:
         if t > at_most * (1 + 1e-9):
@@ -340,14 +325,14 @@ def _start(tolerance, ways, exact, allowed, look) -> tuple[float, float]:
             break
         error = forecast.error(ways.empty(t))
         if error <= FORECAST_AIM * tolerance:
-            return t, each
+            return t
         # Errors follow the tolerance.
         at_most = max(t * FORECAST_AIM * tolerance / error, tolerance)
     # Incoherent stresses have errors as large as the tolerance allows: a little closer costs less than all of it again.
     closer = CLOSER * tolerance
     if _precisions(closer) == _precisions(tolerance) and closer in _rungs(tolerance, lambda t: ways.cost(t) < exact):
-        return closer, each
-    return tolerance, each
+        return closer
+    return tolerance
 
 
 def _loose(tolerance) -> list[float]:

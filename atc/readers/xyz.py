@@ -14,7 +14,7 @@ from ..frame import Cell
 from ..units import LAMMPS_STYLES
 from . import _parse
 from ._bytes import open_bytes
-from .lammps_columns import KNOWN_FLOATS, LammpsTrajectory
+from .lammps_columns import INT_COLUMNS, KNOWN_FLOATS, LammpsTrajectory
 from .lammps_dump import whole
 from .sniff import shown
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
@@ -282,6 +282,13 @@ class ExtendedXyz(LammpsTrajectory):
             else:
                 out.update({name: parts[0]} if width == 1 else {f"{name}[{j}]": p for j, p in enumerate(parts, 1)})
         out.update(raw)
+        for name, a in out.items():
+            words = name in KNOWN_FLOATS | INT_COLUMNS and a.dtype.kind not in "fi"
+            if words or (name in INT_COLUMNS and a.dtype.kind == "f" and (a != np.rint(a)).any()):
+                raise AtcError(
+                    f"{where}: Properties={comment.keys.get('properties', '')[:80]!r} has no numbers for {name}: "
+                    f"expected R (I for whole ones) in place of {'S or L' if words else 'R'}"
+                )
         if "x" not in out:
             raise AtcError(
                 f"{where}: no positions among Properties={comment.keys.get('properties', '')[:80]!r}: expected pos:R:3"

@@ -6,7 +6,7 @@ import pytest
 
 import atc
 from atc.analysis.check import check
-from atc.decomposers import HarmonicTorsion, Potential
+from atc.decomposers import Constraints, HarmonicTorsion, HeldPairs, Potential
 from atc.decomposers.chiral import AcrossTorsion, CorrectionMaps, CosineLaw, torsion_angle
 from atc.decomposers.openmm.atoms import listed
 from atc.errors import AtcError
@@ -88,11 +88,13 @@ def test_an_even_torsion_is_the_same_either_way():
         np.testing.assert_allclose(x, y, atol=1e-12 * np.abs(y).max())
 
 
-def test_balance_laws():
-    """Momentum and energy at every point, with the heat flux, beside pairs with forces along them."""
+@pytest.mark.parametrize("held", [False, True])
+def test_balance_laws(held):
+    """Momentum and energy at every point, with the heat flux, beside pairs with forces along them and constraints."""
     more = atc.decomposers.LennardJones(0.2, 1.5, 4.0, units="mdanalysis")
     pairs = atc.potential(more, special_bonds="lj/coul 1 1 1").terms
     pot = Potential([torsions(), maps(), *pairs], U)
+    pot = pot.constrained(Constraints([HeldPairs(((1, 2), (6, 7)))])) if held else pot
     report = check(frame(velocities=RNG.normal(0, 0.01, ATOMS.shape)), pot, atc.kernel("gaussian", width=1.5), points=4)
     laws = report.data["laws"]
     assert report.ok, report

@@ -243,8 +243,10 @@ def test_custom_bonded():
         rb.addTorsion(k, k + 1, k + 3, k + 6, *(float(c) for c in rng.normal(size=6)))
     for f in (bonds, angles, torsions, rb):
         system.addForce(f)
-    dE, dF = om.differences(atc.potential(system), system, x)
-    assert abs(dE) <= 1e-7 * 100 and dF <= 1e-9
+    pot = atc.potential(system)
+    dE, dF = om.differences(pot, system, x)
+    assert abs(dE) <= 1e-8 and dF <= FORCE
+    assert "CustomBondForce with the default a = 3" in pot.describe()
 
 
 # --- files
@@ -512,6 +514,11 @@ def _refusals():
     offsets.addGlobalParameter("scale", 1.0)
     offsets.addParticleParameterOffset("scale", 0, 1, 0, 0)
     yield "parameter offsets", offsets
+    half = openmm.NonbondedForce()
+    half.setIncludeDirectSpace(False)
+    for _ in range(8):
+        half.addParticle(0, 1, 0)
+    yield "without its direct space", half
     odd = openmm.CustomBondForce("k*gamma(r)")
     odd.addPerBondParameter("k")
     odd.addBond(0, 1, [1.0])

@@ -8,6 +8,7 @@ import pytest
 from frames import argon
 from lammps_oracle import Config, lammps_session, run_lammps
 from systems import system
+from test_constraints import Run
 
 import atc
 from atc.errors import AtcError
@@ -195,6 +196,21 @@ def test_forces_between_planes(name, axis):
     for m in range(n):
         want = F_nc[layer == m].sum(0)
         assert np.abs(force[(m + 1) % n] - force[m] - want).max() < 1e-10 * np.abs(F_nc).max()
+
+
+def test_forces_of_constraints(tmp_path):
+    """Rigid water, held by rattle: LAMMPS's own forces of the run, those of the constraints among them, are what the
+    planes differ by."""
+    r = Run(tmp_path / "water", "rattle")
+    frame, n = r.frame, 9
+    ds = atc.fields(r.traj[-1], r.pot, None, atc.Grid.planes("x", n=n), ["stress"], threads=1)
+    assert "fs back" in ds.attrs["passages_counted"]  # the script's time step
+    height = frame.cell.heights[0]
+    force = frame.units.to_internal("pressure", ds.stress_potential.sel(i="x").values[0]) * frame.cell.volume / height
+    layer = np.floor(frame.cell.fractional(frame.positions)[:, 0] % 1.0 * n - 0.5) % n
+    for m in range(n):
+        want = frame.forces[layer == m].sum(0)
+        assert np.abs(force[(m + 1) % n] - force[m] - want).max() < 1e-10 * np.abs(frame.forces).max()
 
 
 def test_mean_over_planes_is_the_virial():

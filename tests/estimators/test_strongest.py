@@ -209,7 +209,6 @@ def test_a_coherent_stress_begins_looser_and_one_that_cancels_does_not():
 def test_a_start_too_loose_is_mended(monkeypatch):
     """Whatever the pilot thought: the check sees it, the next try is the one that the error found asks for."""
     monkeypatch.setattr(ErrorForecast, "error", lambda self, deposit: 0.0)
-    monkeypatch.setattr(method_choice, "FORECAST", (0.0, 0.0))  # made for the smallest frame
     frame, pot = silicon(5)
     kern = atc.kernel("lucy", 8.0)
     with warnings.catch_warnings():

@@ -196,7 +196,7 @@ OTHERWISE = {
         ('"quartic"', '"lucy"'),
         ("radius = 5.0", "radius = 5.000001"),
         ("[4, 5, 6]", "[4, 5, 7]"),
-        ('"density"', '"momentum"'),
+        ('"temperature"', '"momentum"'),
     ],
     "case.toml": [
         ("0.003015", "0.003016"),

@@ -27,9 +27,9 @@ import numpy as np
 
 from ...errors import AtcError
 from ...frame import Frame
-from ..base import Accumulator, Term, Work
+from ..base import Term, Work
 from ..pair import kinds_of
-from .ewald import Smooth
+from .ewald import Smooth, SmoothWork
 from .split import ACCURACY
 from .stress import Products
 from .transform import wave_vectors
@@ -169,24 +169,7 @@ class LongRangeDispersion(Term):
 
     def prepare(self, frame: Frame) -> Work:
         self.check(frame)
-        return _Work(self, frame)
-
-
-class _Work(Work):
-    stages = (1,)
-
-    def __init__(self, term, frame):
-        self.term, self.frame = term, frame
-
-    def run(self, stage, task, acc: Accumulator):
-        smooth = self.term.modes(self.frame, self.term.threads)
-        acc.energy += smooth.energy
-        acc.virial += smooth.virial_cc
-        if acc.forces is not None:
-            acc.forces[: len(self.frame)] += smooth.forces_nc()
-        if acc.energies is not None:
-            acc.energies[: len(self.frame)] += smooth.energies_n()
-        return None
+        return SmoothWork(self, frame)
 
 
 class _Part(Smooth):

@@ -174,10 +174,12 @@ class LongRangeCoulomb(Term):
 
     def prepare(self, frame: Frame) -> Work:
         self.check(frame)
-        return _SmoothWork(self, frame)
+        return SmoothWork(self, frame)
 
 
-class _SmoothWork(Work):
+class SmoothWork(Work):
+    """The energy, virial and forces of a smooth part, by its modes."""
+
     stages = (1,)
 
     def __init__(self, term, frame):

@@ -67,7 +67,7 @@ def nonbonded(forces, n: int, name: str, switching: str | None = None) -> Nonbon
     lj = np.zeros((n, 2))
     pairs, rows = np.zeros((0, 2), np.int64), np.zeros((0, 3))
     if plain:
-        _refuse_offsets(plain[0], name)
+        _refuse_parts(plain[0], name)
         values = np.array([[_number(v) for v in plain[0].getParticleParameters(k)] for k in range(n)]).reshape(n, 3)
         out.charges, lj = values[:, 0], values[:, 1:]
         lj[lj[:, 1] == 0.0] = (1.0, 0.0)  # without energy no diameter
@@ -120,11 +120,13 @@ def _neutral(charges):
     return charges - total / len(charges), [text] if abs(total) > 1e-9 * len(charges) else []
 
 
-def _refuse_offsets(force, name):
+def _refuse_parts(force, name):
     if force.getNumParticleParameterOffsets() or force.getNumExceptionParameterOffsets():
         raise AtcError(
             f"{name}: NonbondedForce: parameter offsets (charges that depend on a global parameter) are not supported"
         )
+    if not force.getIncludeDirectSpace():
+        raise AtcError(f"{name}: NonbondedForce without its direct space is no model of its own: not supported")
 
 
 def _codes(pairs, n):

@@ -48,6 +48,7 @@ def potential_of(system, name: str, switching: str | None = None, chiral: bool =
     terms, remarks = list(pairs.terms), list(pairs.remarks)
     for force in forces:
         kind = type(force).__name__
+        remarks += _defaults(force, kind)
         if kind in BONDED:
             terms += BONDED[kind](force, name, chiral)
         elif kind in _STEERING:
@@ -66,6 +67,17 @@ def potential_of(system, name: str, switching: str | None = None, chiral: bool =
     pot.remarks = (*pot.setup.remarks(), *remarks, *_tail_remark(pairs.tail, u))
     pot.constraints = _constraints(system, name, masses)
     return pot
+
+
+def _defaults(force, kind):
+    """A word about global parameters, which a run may have changed."""
+    if kind == "NonbondedForce" or not hasattr(force, "getNumGlobalParameters") or not force.getNumGlobalParameters():
+        return []
+    names = (
+        f"{force.getGlobalParameterName(k)} = {_number(force.getGlobalParameterDefaultValue(k)):g}"
+        for k in range(force.getNumGlobalParameters())
+    )
+    return [f"{kind} with the default {', '.join(names)}"]
 
 
 def _tail_remark(tail, u):

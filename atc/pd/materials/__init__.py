@@ -6,6 +6,7 @@ from .hyperelastic import Hyperelastic
 from .linear import Linear
 from .lps import LPS, Elastic
 from .pmb import PMB, bond_law
+from .viscoelastic import Viscoelastic
 
 __all__ = [
     "INFLUENCE",
@@ -18,11 +19,12 @@ __all__ = [
     "Hyperelastic",
     "Linear",
     "Material",
+    "Viscoelastic",
     "bond_law",
 ]
 
-# name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus. `Linear` and `Hyperelastic` are
-# not among them: they are no isotropic laws.
+# name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus. `Linear` and `Hyperelastic`,
+# which are no isotropic laws, and `Viscoelastic`, which has a memory, are not among them.
 MATERIALS = {
     "pmb": lambda bulk, shear: PMB(bulk),
     "lps": lambda bulk, shear: LPS(bulk, shear),

@@ -366,6 +366,17 @@ class ForceModel:
         for b in self.parts():
             yield self.forces_of_bonds(z, None, b[intact_b[b] != 0])
 
+    #: Whether forces depend on the past: then `remember` takes the state's history up and `advance` tells the step that
+    #: the next forces are for; `taken` is what that step dissipated.
+    remembers = False
+    taken = 0.0
+
+    def remember(self, history):
+        """Go on from a state's history."""
+
+    def advance(self, dt):
+        """The next forces are those a time `dt` later."""
+
     def heat(self, rise_n):
         """Take up that temperatures have risen by `rise_n` (n,)."""
         raise AtcError(f"temperature: {self.first.name} has no thermal expansion: take lps or elastic, with expansion")
