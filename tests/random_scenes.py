@@ -362,7 +362,7 @@ def spectral_preferred():
         patch.setattr(Costs, "visit_of", lambda self, compiled: 1e-5)
         patch.setattr(method_choice, "CHEAP", 0.0)
         patch.setattr(method_choice, "SEARCH", (0.0, 0.0))
-        patch.setattr(method_choice, "WATCH", (0.0, 0.0))
+        patch.setattr(method_choice, "WATCH", (0.0, 0.0, 0.0))
         # Seconds a mesh are for larger frames.
         patch.setattr(method_choice, "MOST_MEMORY", 3e7)
         patch.setattr(spectral, "LARGEST", 3e7)

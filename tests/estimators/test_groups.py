@@ -199,7 +199,7 @@ def spectral_wins(monkeypatch):
     monkeypatch.setattr(Costs, "visit_of", lambda self, compiled: 1e-6)
     monkeypatch.setattr(method_choice, "CHEAP", 0.0)
     monkeypatch.setattr(method_choice, "SEARCH", (0.0, 0.0))
-    monkeypatch.setattr(method_choice, "WATCH", (0.0, 0.0))
+    monkeypatch.setattr(method_choice, "WATCH", (0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("system", ["hot", "gas", "silicon", "strong pair"])
