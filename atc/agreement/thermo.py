@@ -133,7 +133,7 @@ def compare_thermo(
     if coulomb is not None and known is None:
         best.notes.append(f"explained are digits and {coulomb.describe(log.units)}")
     if best.wrong:
-        best.notes += _explanations(frame, log, best, known)
+        best.notes += _explanations(frame, best, known)
     return best
 
 
@@ -317,7 +317,7 @@ def _degrees_of_freedom(out, total, k_B, free, temperature) -> None:
         )
 
 
-def _explanations(frame, log, check: ThermoCheck, forces) -> list[str]:
+def _explanations(frame, check: ThermoCheck, forces) -> list[str]:
     """What differences look like."""
     out = []
     n = len(frame)

@@ -45,7 +45,7 @@ class TileShare:
     notes: dict[str, int] = field(default_factory=dict)
 
 
-def refuse(frame, work: Work, pot) -> None:
+def refuse(work: Work, pot) -> None:
     """Raise for what is not computed in tiles."""
     if not pot.terms:
         raise AtcError(
@@ -94,7 +94,7 @@ def bond_pass(
 
     run : (tile_sums, iterable of tiles, Task) -> their results in order; where the tiles are computed is its affair
     """
-    refuse(frame, work, settings.pot)
+    refuse(work, settings.pot)
     to_reference = reference_bonds(frame, settings, work)
     cut = Cut(frame, settings.tiles, settings.pot, to_reference)
     task = Task(

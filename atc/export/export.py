@@ -230,7 +230,7 @@ def _write_grid(source, target, which) -> Path:
             time = float(ds["time"].values[k]) if "time" in ds else np.nan
             step = int(ds["step"].values[k]) if "step" in ds else -1
             yield (
-                *region_of(points, cell, origin, periodic),
+                *region_of(points, cell, periodic),
                 columns_of(arrays, 3),
                 step if step >= 0 else k,
                 time if np.isfinite(time) else None,

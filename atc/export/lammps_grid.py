@@ -29,13 +29,13 @@ def columns_of(arrays: dict, rank: int) -> dict:
     return out
 
 
-def region_of(points, cell, cell_origin, periodic: str):
+def region_of(points, cell, periodic: str):
     """The box of which the points are the centres of equal cells.
 
     Parameters
     ----------
     points : (nx, ny, nz, 3), a lattice
-    cell, cell_origin : (3, 3) and (3,) of the frame: along an axis with one point a grid cell is as long as it
+    cell : (3, 3) of the frame: along an axis with one point a grid cell is as long as it
     periodic : three of "p" and "f", of the frame's cell
 
     Returns

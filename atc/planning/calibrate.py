@@ -83,7 +83,7 @@ def calibrate(say=lambda text: None, cells: int = 16) -> Costs:
     say("direct deposit")
     _direct(costs, frame, bonds, length, u)
     say("spectral deposit")
-    _spectral(costs, frame, bonds, length, u)
+    _spectral(costs, frame, bonds, u)
     say("scattered points and slabs")
     _points(costs, frame, bonds, length, u)
     say("the rest of a frame")
@@ -176,7 +176,7 @@ _SPREADS = (
 )
 
 
-def _spectral(costs, frame, bonds, length, u):
+def _spectral(costs, frame, bonds, u):
     from ..deposit import make
     from ..grids import Grid
     from ..kernels import kernel

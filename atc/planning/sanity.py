@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 from ..errors import AtcWarning
+from ..estimators.planes import Path, through_planes
 from ..estimators.requirements import require
 from ..readers.plausible import doubts
 from .job import Job
@@ -15,6 +16,8 @@ def sanity(job: Job) -> None:
     meant."""
     frame, work, u = job.first, job.work, job.first.units
     require(frame, job.settings(), work)
+    if work.grid_users and through_planes(job.request.grid):
+        Path.of(frame, job.settings(), work)  # the time over which passages are counted is known
     if job.request.output_units is not None:
         from ..unit_words import require_used, wanted_units
 

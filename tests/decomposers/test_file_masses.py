@@ -6,6 +6,7 @@ import pytest
 from lammps_oracle import lammps_session
 
 import atc
+from atc.errors import AtcError
 from atc.frame import Cell, Frame
 from atc.units import units
 
@@ -57,3 +58,24 @@ def test_masses_are_those_of_lammps(tmp_path, monkeypatch, case, order):
     )
     got = atc.potential(tmp_path / "in.run").complete(frame).masses
     np.testing.assert_allclose(frame.units.to_user("mass", got), want, rtol=1e-14)
+
+
+def test_frames_that_do_not_number_their_atoms_get_the_masses_of_types(tmp_path):
+    """By type, where no atom has a mass of its own; with one type in the box its number need not be in the file."""
+    script = ("units metal\natom_style {style}\nregion b block 0 9 0 9 0 9\ncreate_box {n} b\ncreate_atoms 1 box\n{more}"
+              "mass 1 39.948\npair_style lj/cut 4.0\npair_coeff * * 0.01 3.4\nrun 0\n")  # fmt: skip
+    bare = Frame(np.eye(3) * 2.0, Cell([9.0, 9.0, 9.0]), units("metal"), given={"ids": "order", "types": "assumed"})
+
+    def completed(frame, n=1, style="atomic", more=""):
+        (tmp_path / "in.run").write_text(script.format(n=n, style=style, more=more))
+        return atc.potential(tmp_path / "in.run").complete(frame)
+
+    assert np.allclose(completed(bare).masses, bare.units.to_internal("mass", 39.948))
+    typed = bare.replace(types=np.array([1, 2, 1]), given={"ids": "order"})
+    two = completed(typed, 2, more="mass 2 20.0\n")
+    assert np.allclose(bare.units.to_user("mass", two.masses), [39.948, 20.0, 39.948])
+    assert completed(typed, 2).masses is None  # type 2 has none
+    with pytest.raises(AtcError, match="does not number its atoms, so that create_atoms"):
+        completed(bare, 2)
+    own = completed(bare, style="sphere", more="set type 1 mass 3.0\n")
+    assert own.masses is None  # of single atoms

@@ -160,7 +160,11 @@ def test_excluded_pairs(case, tmp_path):
         )
 
 
-@pytest.mark.parametrize("more", ["", " exclude group b b exclude type 1 2"], ids=["include", "and exclude"])
+@pytest.mark.parametrize(
+    "more",
+    ["", " exclude group b b exclude type 1 2", "\ngroup c id 20:45\nfix f c setforce NULL NULL NULL"],
+    ids=["include", "and exclude", "and a fix of another group"],
+)
 def test_pairs_of_a_group_only(more, tmp_path):
     """LAMMPS never sets the forces of atoms outside the group to 0 before it adds to them: they are not compared."""
     polymers(tmp_path)

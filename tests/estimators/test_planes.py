@@ -368,7 +368,7 @@ quantities = ["stress", "energy_flux"]
     shown = cli.invoke(app, ["plan", "scene.toml"])
     assert shown.exit_code == 0, shown.output
     assert "planes" in shown.output
-    done = cli.invoke(app, ["fields", "scene.toml", "-o", "out.nc", "-j", "2", "--quiet"])
+    done = cli.invoke(app, ["fields", "scene.toml", "-o", "out.nc", "--quiet"])
     assert done.exit_code == 0, done.output
     import xarray as xr
 
@@ -380,6 +380,19 @@ quantities = ["stress", "energy_flux"]
     area = np.prod(np.diag(frames[0].cell.vectors)[[0, 2]])
     inner = U.to_internal("pressure", want.stress.sel(i="y").values) * area
     assert np.allclose(U.to_internal("force", force.values), inner, atol=1e-9 * np.abs(inner).max())
+    # Without a time step, neither is done.
+    (tmp_path / "less.toml").write_text(text.replace("timestep = 0.002\n", ""))
+    for verb in (["plan", "less.toml"], ["fields", "less.toml", "-o", "less.nc"]):
+        done = cli.invoke(app, verb)
+        assert done.exit_code != 0 and "give interval in [grid]" in done.output
+    # From frame to frame, by processes or not.
+    (tmp_path / "frames.toml").write_text(text.replace("n = 6", 'n = 6\ninterval = "frames"'))
+    for more in (["-o", "1.nc"], ["-o", "2.nc", "-j", "2"]):
+        assert cli.invoke(app, ["fields", "frames.toml", "--quiet", *more]).exit_code == 0
+    with xr.open_dataset("1.nc") as one, xr.open_dataset("2.nc") as two:
+        assert one.sizes["frame"] == 3 and np.array_equal(one.step, [1, 2, 3])
+        assert np.allclose(one.stress, two.stress, rtol=1e-12)
+        assert np.allclose(one.stress_potential, want.stress_potential[1:], rtol=1e-9, atol=1e-6)
     drawn = cli.invoke(app, ["plot", "out.nc", "-q", "stress", "-o", "out.png"])
     assert drawn.exit_code == 0, drawn.output
 
