@@ -15,7 +15,7 @@ h1 { font-size: 1.6rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2.
 .sub { color: #555; margin: 0 0 1rem; }
 table { border-collapse: collapse; margin: .4rem 0 1rem; font-size: .9rem; }
 th, td { padding: .18rem .7rem .18rem 0; text-align: left; vertical-align: top; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
+td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; } td.n { white-space: nowrap; }
 thead th { border-bottom: 1px solid #999; font-weight: 600; } tbody tr:nth-child(even) { background: #f6f6f6; }
 table.facts th { font-weight: 600; color: #444; white-space: nowrap; } table.facts tbody tr { background: none; }
 figure { margin: 1rem 0 1.6rem; } figure img { max-width: 100%; height: auto; }
