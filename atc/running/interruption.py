@@ -179,7 +179,15 @@ def _at_once(number: int) -> None:
 @contextlib.contextmanager
 def unheard():
     """Processes that are started within hear no signal to stop before they say which they want to (`in_worker`): what a
-    terminal or a scheduler sends goes to all, while they are still importing. This one hears them afterwards."""
+    terminal or a scheduler sends goes to all, while they are still importing. This one hears them afterwards, also those
+    that another of its threads got: a process half started would complain."""
+    with whole(), _masked():
+        yield
+
+
+@contextlib.contextmanager
+def _masked():
+    """This thread, and what it starts, gets no signal to stop."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

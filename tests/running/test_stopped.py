@@ -412,6 +412,24 @@ def test_a_signal_where_nothing_can_be_raised(tmp_path, where):
     assert went_on == (["hdf5"] if where == "hdf5" else [])
 
 
+def test_a_signal_that_another_thread_gets_while_processes_start():
+    """The first thread is masked then; what another one got is heard when all of them stand."""
+    import threading
+
+    from atc.running.interruption import Stopped, unheard, watched
+
+    done, went_on = threading.Event(), []
+    threading.Thread(target=done.wait, daemon=True).start()
+    try:
+        with pytest.raises(Stopped), watched(), unheard():
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.2)
+            went_on.append(True)
+    finally:
+        done.set()
+    assert went_on
+
+
 def children(pid) -> set[int]:
     """All processes below `pid`, by /proc."""
     below, found = {}, set()
