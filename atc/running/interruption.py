@@ -179,8 +179,8 @@ def _at_once(number: int) -> None:
 @contextlib.contextmanager
 def unheard():
     """Processes that are started within hear no signal to stop before they say which they want to (`in_worker`): what a
-    terminal or a scheduler sends goes to all, while they are still importing. This one hears them afterwards, also those
-    that another of its threads got: a process half started would complain."""
+    terminal or a scheduler sends goes to all, while they are still importing. This one hears them afterwards, those
+    that another of its threads got, too: a process half started would complain."""
     with whole(), _masked():
         yield
 
