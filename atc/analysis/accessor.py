@@ -146,6 +146,12 @@ class DatasetAccessor(_Scalars):
 
         return section_force(self._ds, axis, quantity)
 
+    def section_stress(self, axis: str | None = None, quantity: str | None = None, bulk: float | None = None):
+        """Net section stress: these forces over the area of matter; see `atc.analysis.sections.section_stress`."""
+        from .sections import section_stress
+
+        return section_stress(self._ds, axis, quantity, bulk)
+
     def in_units(self, units: str):
         """The dataset in other units where one of them is of a variable's dimension: ``"GPa, nm"``, or a preset."""
         from ..unit_words import in_units

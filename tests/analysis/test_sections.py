@@ -94,3 +94,44 @@ def test_what_has_no_section(grid, more, said):
     ds["stress"] = ds["stress_kinetic"]
     with pytest.raises(AtcError, match=said):
         ds.atc.section_force(**more)
+
+
+def test_net_section_stress():
+    """Of a block that fills its cell the stress itself; with a notch, force over what is left; on a profile the same."""
+    pot, kern = atc.potential(LJ, units="metal"), atc.kernel("gaussian", width=2.0)
+    what = ["stress", "number_density"]
+    rng = np.random.default_rng(1)
+    a = np.arange(5) * 3.8
+    x = np.stack(np.meshgrid(a, a, a, indexing="ij"), -1).reshape(-1, 3)
+    x = x + rng.uniform(-0.1, 0.1, x.shape)
+    cell = atc.Cell(np.diag([19.0, 19.0, 19.0]))
+
+    def frame(x):
+        v = np.zeros(x.shape)
+        return atc.Frame(x, cell, units("metal"), masses=np.full(len(x), 39.948), velocities=v)
+
+    full = atc.fields([frame(x)], pot, kern, atc.Grid.regular(shape=(10, 10, 10)), what, tolerance=1e-10)
+    bulk = len(x) / 19.0**3
+    net = full.atc.section_stress("z", bulk=bulk)
+    flat = full.stress.isel(i=2, drop=True).mean(("x", "y")).rename(j="i") / (
+        full.number_density.mean(("x", "y")) / bulk
+    )
+    assert net.dims == ("frame", "z", "i") and net.attrs["units"] == "bar"
+    np.testing.assert_allclose(net, flat.transpose(..., "i"), rtol=1e-12)
+    assert full.atc.section_stress("z").values == pytest.approx(net.values, rel=0.02)  # bulk found: its median
+
+    cut = frame(x[~((x[:, 0] > 9) & (abs(x[:, 2] - 7.6) < 3))])
+    regular = atc.fields([cut], pot, kern, atc.Grid.regular(shape=(10, 10, 10)), what, tolerance=1e-10)
+    profile = atc.fields([cut], pot, kern, atc.Grid.slab("z", 10), what, tolerance=1e-10)
+    one, other = regular.atc.section_stress("z", bulk=bulk), profile.atc.section_stress(bulk=bulk)
+    np.testing.assert_allclose(one.values, other.values, rtol=1e-6, atol=1e-6 * abs(other.values).max())
+    force = profile.atc.section_force()
+    area = profile.number_density / bulk * 19.0**2
+    bar = 6.241509596477043e-07
+    np.testing.assert_allclose((other * area * bar).transpose(*force.dims), force, rtol=1e-6)
+    assert float(area.min()) < 0.75 * 19.0**2 < 0.9 * float(area.max())
+    for words, wrong in (("bulk=", profile), ("no density", profile[["stress", "cell"]])):
+        with pytest.raises(AtcError, match=words):
+            wrong.atc.section_stress("z")
+    with pytest.raises(AtcError, match="positive number"):
+        profile.atc.section_stress("z", bulk=0.0)
