@@ -80,23 +80,21 @@ def main():
     frame, states = run()
     frames = [frame.replace(positions=x, velocities=METAL.to_internal("velocity", v)) for x, v in states]
     kern, grid = atc.kernel("quartic", 6.0), atc.Grid.slab("z", BINS)
-    ds = atc.fields(frames, POT, kern, grid, ["heat_flux", "temperature"])
-    z, q, T = ds.z.values, ds.heat_flux.values[:, :, 2], ds.temperature.values
+    ds = atc.fields(frames, POT, kern, grid, ["heat_flux", "energy_flux", "temperature"])
+    z, T = ds.z.values, ds.temperature.values
+    q, e = ds.heat_flux.values[:, :, 2], ds.energy_flux.values[:, :, 2]
     h = np.array([half_half(f, kern, grid) for f in frames])
     up = (z > 2 * A + 6) & (z < HEIGHT / 2 - 6)
     down = (z > HEIGHT / 2 + 2 * A + 6) & (z < HEIGHT - 6)
     times = STEP * (FIRST + EVERY * np.arange(len(frames)))
-    free = [(a[:, up].mean(1) - a[:, down].mean(1)) / 2 for a in (q, h)]
-    save("flux.csv", "time,heat_flux,half_half", np.column_stack([times, *free]), "%.1f,%.6f,%.6f")
-    blocks = [a[: len(a) // 10 * 10].reshape(10, -1, BINS).mean(1) for a in (q, h)]
-    error = [a.std(0, ddof=1) / np.sqrt(10) for a in blocks]
-    table = np.column_stack([z, T.mean(0), q.mean(0), error[0], h.mean(0), error[1]])
-    save(
-        "profile.csv",
-        "z,temperature,heat_flux,heat_flux_stderr,half_half,half_half_stderr",
-        table,
-        "%.3f,%.1f" + 4 * ",%.6f",
-    )
+    free = [(a[:, up].mean(1) - a[:, down].mean(1)) / 2 for a in (q, e, h)]
+    save("flux.csv", "time,heat_flux,energy_flux,half_half", np.column_stack([times, *free]), "%.1f" + 3 * ",%.6f")
+    names, columns = ["z", "temperature"], [z, T.mean(0)]
+    for name, a in (("heat_flux", q), ("energy_flux", e), ("half_half", h)):
+        blocks = a[: len(a) // 10 * 10].reshape(10, -1, BINS).mean(1)
+        names += [name, f"{name}_stderr"]
+        columns += [a.mean(0), blocks.std(0, ddof=1) / np.sqrt(10)]
+    save("profile.csv", ",".join(names), np.column_stack(columns), "%.3f,%.1f" + 6 * ",%.6f")
     bounds = "".join(f"0 {c:.6f}\n" for c in np.diag(frame.cell.vectors))
     with gzip.GzipFile(HERE / "heat_flow_snap.dump.gz", "wb", mtime=0) as out:
         for k in range(0, len(states), KEPT):
