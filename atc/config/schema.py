@@ -379,8 +379,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
         ),
     },
     "constraints": {
-        "bonds": Key(_choice(["hbonds"]), '"hbonds": all bonds of hydrogen are held'),
-        "rigid_water": Key(_boolean, "whether hbonds hold the angle of water molecules, too: true or false"),
+        "bonds": Key(
+            _choice(["hbonds", "allbonds"]), '"hbonds": all bonds of hydrogen are held, "allbonds": all bonds'
+        ),
+        "rigid_water": Key(_boolean, "whether the angle of water molecules is held, too: true or false"),
         "molecules": Key(
             _either(_boolean, _list_of(_integer)),
             "true (every molecule is a rigid body) or the numbers of those that are, e.g. [1, 2]",

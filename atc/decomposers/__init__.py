@@ -94,7 +94,7 @@ _OTHERS = {
     "many_body": "ManyBody",
     "constraints": "Constraints",
     "virtual_sites": "VirtualSites",
-    "constraint_rules": "HeldPairs HydrogenBonds RigidMolecules Shake",
+    "constraint_rules": "AllBonds HeldPairs HydrogenBonds RigidMolecules Shake",
 }
 _WHERE = {name: module for module, names in (_STYLES | _OTHERS).items() for name in names.split()}
 

@@ -181,17 +181,35 @@ class HydrogenBonds(Rule):
     water: bool = True
     where: str = ""
 
+    #: what the scene calls it, and what it says of itself
+    word = "hbonds"
+    held = "bonds of hydrogen"
+
     def describe(self) -> str:
-        return "bonds of hydrogen" + (", rigid water" if self.water else "")
+        return self.held + (", rigid water" if self.water else "")
+
+    def chosen(self, top, light) -> np.ndarray:
+        """(b,) bool: bonds that are held."""
+        return light[top.bonds[:, 0]] | light[top.bonds[:, 1]]
 
     def pairs(self, frame: Frame) -> np.ndarray:
-        top = topology_of(frame, self.where or "hbonds")
-        light = hydrogen(frame, self.where or "hbonds")
-        held = (light[top.bonds[:, 0]] | light[top.bonds[:, 1]]) & (top.bond_types > 0)
-        bonds = top.bonds[held]
+        top = topology_of(frame, self.where or self.word)
+        light = hydrogen(frame, self.where or self.word)
+        bonds = top.bonds[self.chosen(top, light) & (top.bond_types > 0)]
         if not self.water:
             return bonds
         return np.concatenate([bonds, _ends_of(bonds, top.bonds, light, len(frame))])
+
+
+@dataclass(frozen=True)
+class AllBonds(HydrogenBonds):
+    """Every bond; the third side of rigid water with `water`. GROMACS's ``constraints = all-bonds``."""
+
+    word = "allbonds"
+    held = "all bonds"
+
+    def chosen(self, top, light) -> np.ndarray:
+        return np.ones(len(top.bonds), bool)
 
 
 def _ends_of(bonds, every, light, n):
@@ -205,24 +223,31 @@ def _ends_of(bonds, every, light, n):
 
 
 def hydrogen(frame: Frame, where: str) -> np.ndarray:
-    """(n,) bool: atoms that are hydrogen, by the names of types that are symbols of elements, else by their mass."""
+    """(n,) bool: atoms that are hydrogen, by the names of their types (symbols of elements, or a force field's types),
+    else by their mass. HO, HS and HE1 are types of hydrogen in AMBER and CHARMM: masses, where they are known, tell
+    them from other elements."""
     names = {t: str(name) for t, name in frame.type_names.items()}
+    light = None
+    if frame.masses is not None and not frame.units.reduced:
+        from ..units import units
+
+        light = frame.masses <= LIGHT * units("real").mass
     if names and all(t in names for t in np.unique(frame.types)):
-        by_name = {
-            t: name[:1].upper() == "H" and name[:2].title() not in ("He", "Hf", "Hg", "Ho", "Hs")
-            for t, name in names.items()
-        }
-        if any(by_name.values()):
-            return np.isin(frame.types, [t for t, yes in by_name.items() if yes])
+        of = lambda say: np.isin(frame.types, [t for t, name in names.items() if say(name)])  # noqa: E731
+        if light is not None:
+            out = of(lambda name: name[:1].upper() == "H" and name != "He") & light
+        else:
+            others = ("He", "Hf", "Hg", "Ho", "Hs")
+            out = of(lambda name: name[:1].upper() == "H" and name[:2].title() not in others)
+        if out.any():
+            return out
     if frame.units.reduced:
         raise AtcError(
             f"{where}: which atoms are hydrogen is not known in {frame.units.name} units: name pairs or molecules "
             "instead"
         )
     frame.require("masses", why=f"{where}: which atoms are hydrogen")
-    from ..units import units
-
-    return frame.masses <= LIGHT * units("real").mass
+    return light
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..units import Units
-from .constraint_rules import HeldPairs, HydrogenBonds, RigidMolecules
+from .constraint_rules import AllBonds, HeldPairs, HydrogenBonds, RigidMolecules
 from .constraints import Constraints
 
 
@@ -23,7 +23,8 @@ def constrained(pot, table: Mapping, units: Units, where: str):
     if "pairs" in table:
         rules.append(HeldPairs(tuple((int(i), int(j)) for i, j in table["pairs"]), where))
     if "bonds" in table:
-        rules.append(HydrogenBonds(table.get("rigid_water", True), where))
+        rule = AllBonds if table["bonds"] == AllBonds.word else HydrogenBonds
+        rules.append(rule(table.get("rigid_water", True), where))
     if table.get("molecules"):
         chosen = table["molecules"]
         rules.append(RigidMolecules(None if chosen is True else tuple(chosen), style="molecules", where=where))

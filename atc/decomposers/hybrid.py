@@ -22,6 +22,8 @@ _ARGUMENTS = {
     "threebody",
     "on",
     "off",
+    "long",
+    "cut",
     "shift",
     "maxdelta",
     "check",

@@ -8,7 +8,8 @@ from lammps_runs import water
 
 import atc
 from atc.config.scene import Scene
-from atc.decomposers import Constraints, HeldPairs, HydrogenBonds, RigidMolecules, Shake
+from atc.decomposers import AllBonds, Constraints, HeldPairs, HydrogenBonds, RigidMolecules, Shake
+from atc.decomposers.constraint_rules import hydrogen
 from atc.decomposers.constraint_solvers import System, molecules_of
 from atc.decomposers.rigid_bodies import bodies_of
 from atc.errors import AtcError
@@ -499,7 +500,8 @@ quantities = ["virial_stress"]
 
 
 @pytest.mark.parametrize(
-    "section", ['bonds = "hbonds"', 'pairs = "pairs.txt"', 'molecules = true\nsource = "velocities"']
+    "section",
+    ['bonds = "hbonds"', 'bonds = "allbonds"', 'pairs = "pairs.txt"', 'molecules = true\nsource = "velocities"'],
 )
 def test_a_scene_says_what_is_held(runs, section):
     r = runs("shake")
@@ -518,6 +520,45 @@ def test_a_scene_says_what_is_held(runs, section):
     assert p + r.drift == pytest.approx(r.press, rel=2e-3 if "molecules" in section else 1e-10)
     assert ds.attrs["constraint_source"] == ("velocities" if "molecules" in section else "forces")
     assert "[constraints]" in ds.attrs["scene"]
+
+
+def test_constraints_of_a_gromacs_run(monkeypatch):
+    """MDAnalysis makes plain bonds of a .tpr's constraints and settles: what is held is told from them again, here of
+    every bond of a protein and of rigid water, against the file's own lists."""
+    import MDAnalysis
+    from MDAnalysis.topology.tpr import obj
+    from MDAnalysisTests.datafiles import TPR2024
+
+    listed, process = {}, obj.InteractionKind.process
+
+    def record(self, atoms):
+        rows = list(process(self, atoms))
+        listed.setdefault(self.name, []).append(rows)
+        return iter(rows)
+
+    monkeypatch.setattr(obj.InteractionKind, "process", record)
+    universe = MDAnalysis.Universe(TPR2024)
+    universe.load_new(np.random.default_rng(0).uniform(0, 50, (1, len(universe.atoms), 3)))
+    frame = atc.read(universe)[0]
+    code = lambda rows: {tuple(sorted(map(int, row))) for row in rows}  # noqa: E731
+    water = universe.select_atoms("resname SOL").indices.reshape(-1, 3)
+    (settle,) = listed["SETTLE"][0]  # of one molecule, as its constraints are
+    sides = [(settle[a], settle[b]) for a, b in ((0, 1), (0, 2), (1, 2))]
+    assert len(water) > 100
+    want = code(listed["CONSTR"][0]) | code(molecule[list(side)] for molecule in water for side in sides)
+    assert code(AllBonds().pairs(frame)) == want
+    hydrogen = {int(i) for i in np.flatnonzero(universe.atoms.masses < 1.1)}
+    assert code(HydrogenBonds().pairs(frame)) == {p for p in want if hydrogen & set(p)}
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["masses", "names"])
+def test_hydrogen_by_the_names_of_force_fields(known):
+    """HO, HS and HE1 are hydrogen in AMBER and CHARMM, and holmium, hassium and helium without their masses."""
+    names = {1: "OH", 2: "HO", 3: "HE1", 4: "He", 5: "Hg", 6: "HC", 7: "DRUD"}
+    masses = np.array([16.0, 1.008, 1.008, 4.0026, 200.6, 3.024, 0.4]) * units("real").mass
+    frame = Frame(np.zeros((7, 3)), Cell(np.eye(3) * 10), units("real"), types=np.arange(1, 8), type_names=names)
+    found = hydrogen(frame.replace(masses=masses if known else None), "here")
+    np.testing.assert_array_equal(found, [False, known, known, False, False, True, False])
 
 
 def test_leapfrog_velocities(runs):

@@ -153,6 +153,39 @@ def test_against_lammps(mix, coulomb):
     assert u.to_user("energy", d.energy) == pytest.approx(res.energy, rel=1e-6)
 
 
+def test_lines_for_all_types_and_hybrids_are_the_same_model():
+    """``* *`` covers as many types as a frame has; the flags of the style are no sub-styles."""
+    import pickle
+
+    system = config(charges=True)
+    v = np.random.default_rng(7).normal(size=system.positions.shape)
+    frame = system.frame().replace(velocities=v)
+    kspace = "kspace_style ewald/disp 1e-10\nkspace_modify gewald/disp 0.8 gewald 0.8\n"
+    style = "lj/long/coul/long long long 6.0"
+    each = "pair_coeff 1 1 0.2 3.0\npair_coeff 2 2 0.2 3.0\n"
+    star = f"pair_style {style}\npair_coeff * * 0.2 3.0\n{kspace}"
+    hybrid = (
+        f"pair_style hybrid/overlay {style} zero 6.0\npair_coeff * * lj/long/coul/long 0.2 3.0\npair_coeff * * zero\n"
+    )
+    lines = [f"pair_style {style}\n{each}{kspace}", star, hybrid + kspace]
+    pots = [atc.potential("units real\n" + text) for text in lines]
+    want, *others = (pickle.loads(pickle.dumps(pot)).stream(frame, forces=True) for pot in pots)
+    for d in others:
+        assert d.energy == pytest.approx(want.energy, rel=1e-12)
+        assert np.abs(d.forces_nc - want.forces_nc).max() < 1e-12 * np.abs(want.forces_nc).max()
+    theirs, u = run_lammps(star, system), frame.units
+    assert np.abs(u.to_user("force", want.forces_nc) - theirs.forces_nc).max() < 1e-6 * np.abs(theirs.forces_nc).max()
+    names, grid = ["stress_potential", "energy_flux"], atc.Grid.points(frame.positions[:3])
+    kern = atc.kernel("gaussian", width=1.5)
+    a, b = (fields_of([frame], Settings(tuple(names), pot, kern, grid, tolerance=1e-5)).arrays for pot in pots[:2])
+    for name in names:
+        assert np.abs(a[name] - b[name]).max() < 1e-9 * np.abs(a[name]).max(), name
+    # A line that says less than the frame needs still does.
+    one = atc.potential(f"units real\npair_style {style}\npair_coeff 1 1 0.2 3.0\n{kspace}")
+    with pytest.raises(AtcError, match="atoms of type 2; .* no pair_coeff for types 1 and 2"):
+        one.stream(frame)
+
+
 def test_fields_keep_the_tolerance():
     frame, pot = config().frame(), atc.potential("units real\n" + model())
     kern, grid = atc.kernel("gaussian", width=1.5), atc.Grid.regular(shape=(6, 6, 6))

@@ -28,7 +28,7 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Frame
 from ..base import Term, Work
-from ..pair import kinds_of
+from ..pair import MAX_TYPES, kinds_of
 from .ewald import Smooth, SmoothWork
 from .split import ACCURACY
 from .stress import Products
@@ -100,6 +100,7 @@ class LongRangeDispersion(Term):
     C6 : (n_types + 1, n_types + 1), internal units
     run : what the script asked for, see `RunAccuracy`, or None
     kinds : as of `Pairs`
+    grow : function n_types → C6 for a frame with more types (``pair_coeff * *``), or None if there is no more to know
     """
 
     pairwise = True
@@ -111,13 +112,24 @@ class LongRangeDispersion(Term):
     #: what of the tolerance its modes may take, over Coulomb's: bonds of repulsion leave a tenth of it
     share = 0.1
 
-    def __init__(self, split: DispersionSplit, C6, run=None, kinds: str = ""):
-        self.split, self.C6, self.run, self.kinds = split, np.asarray(C6, float), run, kinds
+    def __init__(self, split: DispersionSplit, C6, run=None, kinds: str = "", grow=None):
+        self.split, self.C6, self.run, self.kinds, self.grow = split, np.asarray(C6, float), run, kinds, grow
         self.parts = as_products(self.C6)
-        self.threads, self._kept = 1, None
+        self.threads, self._kept, self._grown = 1, None, {}
 
     def __getstate__(self):
-        return {**self.__dict__, "_kept": None}
+        return {**self.__dict__, "_kept": None, "_grown": {}}
+
+    def _of(self, frame: Frame) -> LongRangeDispersion:
+        """The same for all types of a frame, as far as the lines say them."""
+        top = int(kinds_of(frame, self.kinds).max(initial=0))
+        if top < len(self.C6) or self.grow is None or top > MAX_TYPES:
+            return self
+        if top not in self._grown:
+            new = LongRangeDispersion(self.split, self.grow(top), self.run, self.kinds)
+            new.threads = self.threads
+            self._grown[top] = new
+        return self._grown[top]
 
     def describe(self) -> str:
         return (
@@ -128,7 +140,7 @@ class LongRangeDispersion(Term):
     def at(self, accuracy: float, alpha: float | None = None) -> LongRangeDispersion:
         """The same with another accuracy."""
         new = copy(self)
-        new.split, new._kept = self.split.at(accuracy), None
+        new.split, new._kept, new._grown = self.split.at(accuracy), None, {}
         return new
 
     def check(self, frame: Frame) -> None:
@@ -136,7 +148,7 @@ class LongRangeDispersion(Term):
         if frame.dimension == 2 or not frame.cell.periodic.all():
             raise AtcError(f"{frame.source}: long-range dispersion needs a cell that is periodic along x, y and z")
         top = int(kinds_of(frame, self.kinds).max(initial=0))
-        if top >= len(self.C6):
+        if top >= len(self._of(frame).C6):
             raise AtcError(
                 f"{frame.source}: atoms of type {top} but the pair coefficients cover types 1 to "
                 f"{len(self.C6) - 1}: add a pair_coeff line for it"
@@ -152,7 +164,7 @@ class LongRangeDispersion(Term):
     def modes(self, frame: Frame, threads: int = 1):
         """`SmoothDispersion` of a frame; the last one is remembered."""
         if self._kept is None or self._kept[0] is not frame.positions:
-            self._kept = frame.positions, SmoothDispersion(self, frame, threads)
+            self._kept = frame.positions, SmoothDispersion(self._of(frame), frame, threads)
         return self._kept[1]
 
     def nodes(self, tolerance: float, wave: float, hat) -> int:
@@ -165,7 +177,7 @@ class LongRangeDispersion(Term):
         return sum(each[k][0] + len(self.parts) * (each[k][1] + each[k][2] * nodes) for k in kinds)
 
     def products(self, frame, layout, threads: int):
-        return DispersionProducts(self, frame, layout, threads)
+        return DispersionProducts(self._of(frame), frame, layout, threads)
 
     def prepare(self, frame: Frame) -> Work:
         self.check(frame)

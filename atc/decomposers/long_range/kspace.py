@@ -174,11 +174,24 @@ def dispersion_of(terms):
     return [s for t in terms for s in t.styles if isinstance(s, LennardJonesLong)]
 
 
-def _dispersion(kspace: Kspace, styles, units, where: str):
+@dataclass
+class _GrownC6:
+    """C6 for more types. A class, so that a potential can be sent to other processes."""
+
+    grow: object
+
+    def __call__(self, n_types: int):
+        from ..lj_long import LennardJonesLong
+
+        return next(s.C for s in self.grow(n_types) if isinstance(s, LennardJonesLong))
+
+
+def _dispersion(kspace: Kspace, terms, units, where: str):
     """The smooth part of long-range dispersion."""
     from ..hybrid import strip_suffix
     from .dispersion import LongRangeDispersion
 
+    styles = dispersion_of(terms)
     name = strip_suffix(kspace.style.words[0])
     if "disp" not in name.split("/"):
         raise AtcError(
@@ -192,7 +205,8 @@ def _dispersion(kspace: Kspace, styles, units, where: str):
     slab, run = kspace.asked(units)
     if slab is not None:
         raise AtcError(f"{where}: kspace_modify slab with long-range dispersion is not supported")
-    return LongRangeDispersion(styles[0].split, styles[0].C, run)
+    grow = next(t.grow for t in terms if styles[0] in t.styles)
+    return LongRangeDispersion(styles[0].split, styles[0].C, run, grow=grow and _GrownC6(grow))
 
 
 def kspace_term(kspace: Kspace | None, terms, units, where: str):
@@ -205,7 +219,7 @@ def kspace_term(kspace: Kspace | None, terms, units, where: str):
             f"{where}: {(styles or dispersive)[0].name} is only the near part of a long-range sum: add the "
             "kspace_style line of the run (or use coul/cut, coul/dsf)"
         )
-    found = [_dispersion(kspace, dispersive, units, where)] if dispersive else []
+    found = [_dispersion(kspace, terms, units, where)] if dispersive else []
     if not styles and dispersive:
         return found
     if not styles:
