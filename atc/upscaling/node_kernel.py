@@ -81,32 +81,12 @@ def node_kernel(fc: ForceConstants, elastic: ElasticConstants, step_cc, horizon:
     AtcError where the family is too small, or no stable kernel is found.
     """
     step = np.asarray(step_cc, float)
-    offsets = _family(step, horizon)
-    xi = offsets @ step
+    offsets = family(step, horizon)
     volume = abs(np.linalg.det(step))
-    reciprocal = 2 * np.pi * np.linalg.inv(step).T
-    s = (np.array(list(product(range(_MESH), repeat=3))) + 0.5) / _MESH
-    k = nearest_images(s[s[:, 0] < 0.5] @ reciprocal, reciprocal)
+    x = fit_springs(fc, elastic, step, offsets, lambda k: condensed(fc, k))
     mass = fc.crystal.density * volume
-    if np.linalg.eigvalsh(condensed(fc, k)).min() <= 0:
-        raise AtcError(
-            f"{fc.crystal.name}: the lattice itself is unstable (imaginary frequencies): no kernel follows it"
-        )
-    xj = xi[:, [j for j, _ in VOIGT]] * xi[:, [l for _, l in VOIGT]]
-    if np.linalg.matrix_rank(xj, tol=1e-9 * np.abs(xj).max()) < 6:
-        raise AtcError("the horizon reaches too few nodes for the elastic constants: take a larger one in [twin]")
-    C = elastic.tensor
-    # Σ over pairs of (k·ξ)² S is V C k k.
-    need = np.array([[0.5 * volume * (C[i, p, j, q] + C[i, q, j, p]) for i, j in VOIGT] for p, q in VOIGT])
-    start = np.linalg.lstsq(xj.T, need, rcond=None)[0]
-    free = np.linalg.svd(xj)[0][:, 6:]
-    edge = 0.5 * np.linalg.norm(reciprocal, axis=1).min()
-    x = (start + free @ _relative(fc, k, 4 * np.sin(0.5 * k @ xi.T) ** 2 / mass, start, free, edge)) @ _BASIS.reshape(
-        6, 9
-    )
-    x = x.reshape(-1, 3, 3)
     made = NodeKernel(step, np.vstack([offsets, -offsets]), np.concatenate([x, x]), mass, volume)
-    _measure(made, fc, elastic, reciprocal)
+    measure(made, fc, elastic, 2 * np.pi * np.linalg.inv(step).T)
     if not made.least > 0.0:
         raise AtcError(
             f"no stable kernel was found for nodes {np.linalg.norm(step, axis=1).max():.4g} apart (internal units): "
@@ -115,7 +95,38 @@ def node_kernel(fc: ForceConstants, elastic: ElasticConstants, step_cc, horizon:
     return made
 
 
-def _measure(made, fc, elastic, reciprocal):
+def fit_springs(fc, elastic, step, offsets, stiffness) -> np.ndarray:
+    """(p, 3, 3) springs of one of each pair ±ξ, elastic constants exact, otherwise near `stiffness(k)` (k, 3, 3), per
+    mass, over the zone of the nodes."""
+    xi = offsets @ step
+    volume = abs(np.linalg.det(step))
+    reciprocal = 2 * np.pi * np.linalg.inv(step).T
+    s = (np.array(list(product(range(_MESH), repeat=3))) + 0.5) / _MESH
+    k = nearest_images(s[s[:, 0] < 0.5] @ reciprocal, reciprocal)
+    mass = fc.crystal.density * volume
+    wanted = stiffness(k)
+    if np.linalg.eigvalsh(wanted).min() <= 0:
+        raise AtcError(
+            f"{fc.crystal.name}: the lattice itself is unstable (imaginary frequencies): no kernel follows it"
+        )
+    xj = xi[:, [j for j, _ in VOIGT]] * xi[:, [l for _, l in VOIGT]]
+    if np.linalg.matrix_rank(xj, tol=1e-9 * np.abs(xj).max()) < 6:
+        raise AtcError("the horizon reaches too few nodes for the elastic constants: take a larger one in [twin]")
+    start = np.linalg.lstsq(xj.T, wanted_moments(elastic, volume), rcond=None)[0]
+    free = np.linalg.svd(xj)[0][:, 6:]
+    edge = 0.5 * np.linalg.norm(reciprocal, axis=1).min()
+    x = start + free @ _relative(wanted, k, 4 * np.sin(0.5 * k @ xi.T) ** 2 / mass, start, free, edge)
+    return (x @ _BASIS.reshape(6, 9)).reshape(-1, 3, 3)
+
+
+def wanted_moments(elastic: ElasticConstants, volume: float) -> np.ndarray:
+    """(6, 6) Σ ξ_p ξ_q S_ij over pairs ±ξ, in Voigt's notation (pq, ij), that give the elastic constants: Σ (k·ξ)² S is
+    V C k k."""
+    C = elastic.tensor
+    return np.array([[0.5 * volume * (C[i, p, j, q] + C[i, q, j, p]) for i, j in VOIGT] for p, q in VOIGT])
+
+
+def measure(made, fc, elastic, reciprocal):
     """Errors of ω and the smallest ω², at other wave vectors than those of the fit."""
     m = 2 * _MESH + 1
     s = np.array(list(product(range(m), repeat=3))) / m
@@ -141,16 +152,15 @@ def _measure(made, fc, elastic, reciprocal):
     )
 
 
-def _family(step, horizon) -> np.ndarray:
+def family(step, horizon) -> np.ndarray:
     """(p, 3) lattice offsets within the horizon, one of each pair ±ξ."""
     reach = np.ceil(horizon * np.linalg.norm(np.linalg.inv(step), axis=0)).astype(int)
     o = np.array([o for o in product(*(range(-r, r + 1) for r in reach)) if o > (0, 0, 0)])
     return o[np.linalg.norm(o @ step, axis=1) <= horizon * (1 + 1e-10)]
 
 
-def _relative(fc, k, phase_kp, start_pv, free_pf, edge) -> np.ndarray:
+def _relative(wanted, k, phase_kp, start_pv, free_pf, edge) -> np.ndarray:
     """(f, 6) the free part of the springs: least squares on L⁻¹(D − D_c)L⁻ᵀ, D_c = L Lᵀ the crystal's."""
-    wanted = condensed(fc, k)
     inverse = np.linalg.inv(np.linalg.cholesky(wanted))
     # What a unit of each of the six components makes of it; off the diagonal twice in the norm.
     unit = np.stack([inverse @ b @ inverse.swapaxes(1, 2) for b in _BASIS], axis=1)
