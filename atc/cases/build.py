@@ -18,14 +18,17 @@ def simulation(case, threads: int = 0, state=None):
     _require_bonds(case, body)
     materials = {}
     names = {}
-    from .materials import made, models
+    from . import crystals
+    from .materials import made, models, sampled_well
 
     for k, m in enumerate(case.data["material"]):
-        cls = models()[m["model"]]
         number = m.get("id", k + 1)
         names[number] = k
         try:
-            materials[number] = made(cls, m)
+            if m["model"] in crystals.KEYS:
+                materials[number] = crystals.made(case, k, body)
+            else:
+                materials[number] = made(models()[m["model"]], m)
         except AtcError as e:
             raise AtcError(f"{case.where('material', str(k))}: [material] {e}") from None
     present = np.unique(body.material_n).tolist()
@@ -37,6 +40,8 @@ def simulation(case, threads: int = 0, state=None):
             )
     case_damage.require_one_model(case, materials)
     materials = {n: materials[n] for n in present}
+    for n, material in materials.items():
+        sampled_well(case, names[n], material, body)
 
     stiffness = case_damage.stiffness(case, materials)
     damage = case_damage.rules(case, materials, body, stiffness)
@@ -133,6 +138,7 @@ def make_body(case):
     """The body of a case, with its notches and the material of each node."""
     from .. import pd
     from ..frame import Cell
+    from . import crystals
 
     b = case.data["body"]
     notches = []
@@ -189,6 +195,8 @@ def make_body(case):
     for k, m in enumerate(case.data["material"]):
         if "density" in m:
             rho_n[material_n == m.get("id", k + 1)] = m["density"]
+        elif (rho := crystals.density(case, k)) is not None:
+            rho_n[material_n == m.get("id", k + 1)] = rho
     body.material_n, body.rho_n = material_n.astype(np.int32), rho_n
     return body
 

@@ -20,6 +20,8 @@ from typing import Any
 from ..config.toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
 from ..config.words import guess
 from ..errors import AtcError
+from .crystals import check as check_crystals
+from .crystals import has_density
 from .schema import ARRAYS, TABLES
 
 SECTIONS = [*TABLES, *ARRAYS]
@@ -35,6 +37,7 @@ class Case(Document):
     folder : where relative paths start
     name : what to call the case in messages
     sets : {name: (n,) bools} of the mesh that its body was made from
+    crystals : {number of the material: (Crystal at rest, Potential)}, as they are made
     """
 
     data: dict[str, Any]
@@ -43,6 +46,7 @@ class Case(Document):
     _lines: dict = field(default_factory=dict, repr=False, compare=False)
     _flags: dict = field(default_factory=dict, repr=False, compare=False)
     sets: dict = field(default_factory=dict, repr=False, compare=False)
+    crystals: dict = field(default_factory=dict, repr=False, compare=False)
 
     # ---- making one
 
@@ -183,7 +187,7 @@ class Case(Document):
             self._check_strain(body)
         if not self.data.get("material"):
             raise self.need("material", 'it needs model and its constants, e.g. model = "pmb" and bulk = 14.9e9')
-        if "density" not in body and "file" not in body and not all("density" in m for m in self.data["material"]):
+        if "density" not in body and "file" not in body and not all(has_density(m) for m in self.data["material"]):
             raise self.need("body", "[body] needs density, a mass per volume")
 
     def _check_strain(self, body):
@@ -240,6 +244,7 @@ class Case(Document):
         numbers = [m.get("id", k + 1) for k, m in enumerate(self.data["material"])]
         if len(set(numbers)) < len(numbers):
             raise self.need("material", f"two materials have the same number: {numbers}")
+        check_crystals(self)
         from .damage import check
 
         breaking = check(self, one_of)

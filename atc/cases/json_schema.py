@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from ..config.schema import GRIDS, json_of
 from ..config.schema import SCHEMA as SCENE
+from .crystals import KEYS
 from .schema import ARRAYS, REGION_JSON, TABLES
 
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -70,6 +71,8 @@ def case_schema() -> dict:
         one = _section(keys)
         if name == "material":  # a law's own constants: as the law names them
             one.pop("additionalProperties")
+            for constants in KEYS.values():
+                one["properties"] |= _section(constants)["properties"]
         sections[name] = {"anyOf": [one, {"type": "array", "items": one}]}
     return {
         "$schema": _DRAFT,

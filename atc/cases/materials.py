@@ -8,6 +8,8 @@ import inspect
 from ..config.schema import Key, _boolean, _not_negative, _number, _positive, _string
 from ..config.words import guess
 
+_DENSITY = Key(_positive, "a mass per volume greater than 0")
+
 
 def _influence(v):
     from ..config.formula import Influence
@@ -79,13 +81,45 @@ def _value(name):
     return Key(_number if name.startswith("lam") else _positive, "a number greater than 0")
 
 
+def sampled_well(case, k, material, body) -> None:
+    """Hold the elastic constants that the lattice of a case makes of an isotropic material to those of its moduli: a
+    warning beyond 2 %, an error beyond 10 %. Of bond-based ones only a warning, since 14 % is what the horizon of
+    three spacings, which everybody takes, comes to."""
+    import warnings
+
+    from ..errors import AtcError, AtcWarning
+    from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, lattice_error
+
+    table = case.data["material"][k]
+    if "region" not in case.data["body"] or table["model"] not in models() or "c" in table or not len(body.bonds):
+        return
+    off = lattice_error(material, body)
+    if off <= MODULI_WARN:
+        return
+    said = (
+        f"{case.where('body', 'horizon')}: [body] horizon: {body.horizon / body.spacing:.4g} spacings sample "
+        f"{table['model']} so coarsely that elastic constants are up to {100 * off:.2g} % off those of its moduli"
+    )
+    advice = "a larger horizon in spacings" + (
+        ', surface_correction = "energy"' if hasattr(material, "surface_correction") else ""
+    )
+    if not off <= MODULI_REFUSE and table["model"] != "pmb":
+        raise AtcError(f"{said}: take {advice} or correspondence")
+    warnings.warn(f"{said}; more accurate are {advice}, or correspondence", AtcWarning, stacklevel=4)
+
+
 def keys_of(model, complain) -> dict[str, Key]:
     """The keys of a material of this model, apart from what every material has. `complain(why)` makes the error for an
     unknown model."""
+    from .crystals import KEYS
+
     known = models()
+    if isinstance(model, str) and model in KEYS:
+        return {"density": _DENSITY, **KEYS[model]}
     if not isinstance(model, str) or model not in known:
-        raise complain(f"unknown {model!r}: {guess(str(model), known)}known: {', '.join(known)}")
+        names = [*known, *KEYS]
+        raise complain(f"unknown {model!r}: {guess(str(model), names)}known: {', '.join(names)}")
     return {
-        "density": Key(_positive, "a mass per volume greater than 0"),
+        "density": _DENSITY,
         **{p: _value(p) for p in parameters(known[model])},
     }

@@ -152,6 +152,10 @@ def _request(case) -> dict:
         path = case.path(section, key) if isinstance(case.get(section, key), str) else None
         if path is not None and path.is_file():
             request[f"{section}.{key}"] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    for word in " ".join(m["potential"] for m in case.data["material"] if "potential" in m).split():
+        path = case.folder / word
+        if path.is_file():
+            request[f"potential.{word}"] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     return request
 
 

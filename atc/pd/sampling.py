@@ -1,4 +1,5 @@
-"""How well nodes sample a kernel: the stiffness of long waves in their sum against that in its integral."""
+"""How well nodes sample a material: elastic constants, or the stiffness of long waves, that their sums have against
+those of the law itself."""
 
 from __future__ import annotations
 
@@ -7,10 +8,12 @@ import warnings
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..frame import Cell
 
 #: How far the moduli of nodes may be from those of the kernel they sample: beyond the first a warning, beyond the
 #: second an error.
 MODULI_WARN, MODULI_REFUSE = 0.02, 0.10
+_VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
 def long_waves(dynamical_matrix, model) -> np.ndarray:
@@ -38,3 +41,67 @@ def check_moduli(dynamical_matrix, model, spacing) -> None:
     if not worst <= MODULI_REFUSE:
         raise AtcError(f"{found}; take a smaller spacing, or a coarse lattice (coarse2, coarse3)")
     warnings.warn(f"{found}; a smaller spacing comes closer", AtcWarning, stacklevel=4)
+
+
+def sampled_constants(
+    material, step_cc, horizon, density, strain=1e-6, *, dimension=3, plane="stress", thickness=1.0, components=None
+) -> np.ndarray:
+    """(6, 6) ∂σ/∂ε of a periodic body of nodes `step_cc` apart: what the sums over nodes make of the material.
+
+    Voigt's order xx yy zz yz xz xy. `components` : which columns to compute (default all; the others are 0). In bodies
+    of lower dimension only rows and columns of strains within it have a meaning.
+    """
+    from .body import Body
+    from .simulation import Simulation
+
+    step = np.asarray(step_cc, float)
+    within = np.arange(3) < dimension
+    # Few nodes, whose families are mostly their images.
+    reach = horizon * np.linalg.norm(np.linalg.inv(step), axis=0)
+    counts = np.where(within, np.ceil(reach / 3), 1).astype(int)
+    s = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    area = abs(np.linalg.det(step[:dimension, :dimension]))
+    volume = area * (thickness if dimension < 3 else 1.0)
+    body = Body(
+        s @ step,
+        volume,
+        density,
+        horizon,
+        cell=Cell(step * counts[:, None], periodic=within),
+        dimension=dimension,
+        **({"plane": plane, "thickness": thickness} if dimension < 3 else {}),
+        spacing=area ** (1 / dimension),
+        warn=False,
+    )
+    out = np.zeros((6, 6))
+    for v in range(6) if components is None else components:
+        i, j = _VOIGT[v]
+        unit = np.zeros((3, 3))
+        unit[i, j] = unit[j, i] = 1.0 if i == j else 0.5
+        stress = []
+        for sign in (1, -1):
+            f = Simulation(body, material, strain=sign * strain * unit, threads=1).bond_forces()
+            virial = -np.einsum("bi,bj->ij", f.r_bc, f.F_bc) / (volume * len(body))
+            stress.append(np.array([0.5 * (virial[a, b] + virial[b, a]) for a, b in _VOIGT]))
+        out[:, v] = (stress[0] - stress[1]) / (2 * strain)
+    return out
+
+
+def lattice_error(material, body) -> float:
+    """The largest difference of the elastic constants that a square lattice of a body's spacing and horizon has from
+    those that an isotropic material means to have, relative to the largest of these."""
+    d = body.dimension
+    lam, mu = material.lame(body)
+    columns = [0] if d == 1 else [0, 5]
+    C = sampled_constants(
+        material,
+        body.spacing * np.eye(3),
+        body.horizon,
+        float(body.rho_n.mean()),
+        dimension=d,
+        plane=body.plane,
+        thickness=body.thickness,
+        components=columns,
+    )
+    found = [C[0, 0]] if d == 1 else [C[0, 0], C[1, 0], C[5, 5]]
+    return float(np.abs(np.subtract(found, [lam + 2 * mu, lam, mu][: len(found)])).max() / (lam + 2 * mu))

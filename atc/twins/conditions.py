@@ -106,6 +106,8 @@ def deform(sim, new: Cell) -> None:
     sim._z[:, :3] = mapped(sim.positions_nc, sim.cell, new) - sim.body.X_nc
     sim.model.images[:, 3:] = sim.model.images[:, :3] @ H.T
     sim.cell, sim.strained = new, True
+    for law in sim.rigid:  # forces on atoms look for images in it
+        law.cell = new
     sim._contact_energy, sim._rigid_energy = sim._all_forces(damage=False)
 
 

@@ -10,7 +10,7 @@ from ..errors import AtcError
 from ..upscaling.cauchy_born import cubic_of
 from ..upscaling.elasticity import elastic_constants
 from ..upscaling.force_constants import force_constants
-from ..upscaling.node_kernel import FRACTIONS, node_kernel
+from ..upscaling.node_kernel import FRACTIONS, node_kernel, wave_constants
 from .material import hill
 
 #: How far bonds may be from the crystal's, in parts of the nearest neighbours' distance.
@@ -120,17 +120,6 @@ def on_nodes(fc, C, made, atoms: bool) -> LinearTwin:
         material = pd.Linear(kernel)
         sampled = wave_constants(kernel)
     return LinearTwin(material, C, *hill(C.C_vv), kernel, sampled, C.C_vv)
-
-
-def wave_constants(kernel) -> np.ndarray:
-    """(6, 6) the constants whose acoustic tensor C_ijkl k_j k_l is that of the springs: C_ijkl = [ik, jl] + [jk, il] −
-    [ij, kl] with V [ik, jl] = Σ ½ S_ik ξ_j ξ_l (Born and Huang)."""
-    from ..upscaling.crystal import VOIGT
-
-    xi = kernel.offsets_bc @ kernel.step_cc
-    q = 0.5 * np.einsum("bik,bj,bl->ikjl", kernel.springs_bcc, xi, xi) / kernel.volume
-    C = np.einsum("ikjl->ijkl", q) + np.einsum("jkil->ijkl", q) - np.einsum("ijkl->ijkl", q)
-    return np.array([[C[(*p, *r)] for r in VOIGT] for p in VOIGT])
 
 
 class LatticeSprings:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from ..frame import Cell
-from ..pd.sampling import MODULI_REFUSE, MODULI_WARN
+from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants
 
 
 @dataclass
@@ -121,31 +120,3 @@ def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
             stacklevel=3,
         )
     return found
-
-
-def sampled_constants(material, step_cc, horizon, density, strain=1e-6) -> np.ndarray:
-    """(6, 6) ∂σ/∂ε of a periodic body of nodes `step_cc` apart: what the sums over nodes make of the material."""
-    from .. import pd
-    from ..upscaling.crystal import to_voigt, unit_strain
-
-    heights = 1 / np.linalg.norm(np.linalg.inv(step_cc), axis=0)
-    counts = np.ceil(1.0001 * horizon / heights).astype(int) + 1
-    s = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
-    volume = abs(np.linalg.det(step_cc))
-    body = pd.Body(
-        s @ step_cc,
-        volume,
-        density,
-        horizon,
-        cell=Cell(step_cc * counts[:, None]),
-        spacing=volume ** (1 / 3),
-        warn=False,
-    )
-    out = np.zeros((6, 6))
-    for v in range(6):
-        stress = []
-        for sign in (1, -1):
-            f = pd.Simulation(body, material, strain=sign * strain * unit_strain(v), threads=1).bond_forces()
-            stress.append(-np.einsum("bi,bj->ij", f.r_bc, f.F_bc) / (volume * len(body)))
-        out[:, v] = to_voigt(0.5 * (stress[0] + stress[0].T) - 0.5 * (stress[1] + stress[1].T)) / (2 * strain)
-    return out

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..decomposers.outside import Constant, Friction, Indenter, Put
+from ..decomposers.outside import Constant, Friction, Indenter, Put, Wall
 from ..errors import AtcError
 from ..frame import Frame
+from .conditions import mapped
+from .smoothed import Shape
 
 
 @dataclass
@@ -23,25 +25,48 @@ class FromScript:
 
 
 class NodeForce:
-    """A law for the force on an atom, on nodes: each feels it as often as it has the mass of an atom.
+    """A law for the force on an atom, on nodes: each feels it as often as it has the mass of an atom; or, given the
+    atoms, on the places where the nodes carry these, with the work-conjugate forces on the nodes. What pushes a surface
+    must meet the atoms' surface: the outermost nodes lie up to half their distance below it.
 
     Parameters
     ----------
     law : of `atc.decomposers.outside`, or a function of time that gives one
-    inside_g : (nodes,) who feels it. mass : of an atom. cell : Cell, to find images by
+    inside_g, inside_n : (nodes,), (atoms,) who feels it. mass : of an atom. cell : Cell, to find images by
+    carried : (X_nc, `smoothed.Shape`) of the atoms, or None
     """
 
-    def __init__(self, law, inside_g, mass, cell, units):
+    def __init__(self, law, inside_g, mass, cell, units, inside_n, carried=None):
+        self.reference_cell, self.carried = cell, carried
         self.law, self.inside_g, self.mass, self.cell, self.units = law, inside_g, float(mass), cell, units
+        self.inside_n = inside_n
         self.force = np.zeros(3)
 
     def bind(self, body):
         self.atoms_n = body.rho_n * body.V_n / self.mass
         return self
 
+    def at(self, t):
+        """The law at time t."""
+        return self.law(t) if callable(self.law) else self.law
+
+    def on_atoms(self, frame, t) -> np.ndarray:
+        """(3,) the sum of its forces on the atoms of a frame at time t."""
+        f = self.at(t).force(frame, np.zeros((len(frame), 3)), self.inside_n)
+        return np.where(self.inside_n[:, None], f, 0.0).sum(axis=0)
+
     def add(self, t, z, F_nc):
         """Add the forces at time t; their energy is not kept."""
-        law = self.law(t) if callable(self.law) else self.law
+        law = self.at(t)
+        if self.carried is not None:
+            X, shape = self.carried
+            own = lambda x: mapped(x, self.reference_cell, self.cell)  # noqa: E731
+            x = own(X) + shape.weights_kJ @ (z[:, 3:6] + z[:, :3] - own(z[:, 3:6]))
+            frame = Frame(x, self.cell, self.units, masses=np.full(len(x), self.mass))
+            f = np.where(self.inside_n[:, None], law.force(frame, np.zeros_like(x), self.inside_n), 0.0)
+            F_nc += shape.weights_kJ.T @ f
+            self.force = f.sum(axis=0)
+            return 0.0
         n = len(z)
         frame = Frame(z[:, 3:6] + z[:, :3], self.cell, self.units, masses=np.full(n, self.mass))
         f = np.where(self.inside_g[:, None], law.force(frame, np.zeros((n, 3)), self.inside_g), 0.0)
@@ -68,9 +93,12 @@ def from_script(pot, reference, made, indenter=None) -> FromScript:
     mass = reference.masses.mean()
     share = lambda inside: made.smoothing.share(inside) >= 0.5  # noqa: E731
     add = lambda law, inside: forces.append(  # noqa: E731
-        NodeForce(law, share(inside), mass, reference.cell, reference.units)
+        NodeForce(law, share(inside), mass, reference.cell, reference.units, inside, carried if surface(law) else None)
     )
+    surface = lambda law: callable(law) or isinstance(law, Indenter | Wall)  # noqa: E731
     acting = getattr(pot, "acting", None)
+    pushed = indenter is not None or any(map(surface, acting.laws if acting is not None else ()))
+    carried = (reference.positions, shape_of(reference, made)) if pushed else None
     moved = tuple(getattr(pot, "moved", ()))
     named = moved or (acting is not None and acting.laws)
     frame = _with_groups(pot, reference, moved) if named and pot.setup is not None else reference
@@ -87,7 +115,8 @@ def from_script(pot, reference, made, indenter=None) -> FromScript:
             left.append(f"fix {law.name}")
         else:
             add(law, inside)
-            lines.append(f"fix {law.name} of group {law.group.name}: the same force on every atom's mass of the nodes")
+            what = "the places of the atoms, which nodes carry" if surface(law) else "every atom's mass of the nodes"
+            lines.append(f"fix {law.name} of group {law.group.name}: the same force on {what}")
     left += [
         other for other in (acting.others if acting is not None else ()) if indenter is None or "indent" not in other
     ]
@@ -95,10 +124,39 @@ def from_script(pot, reference, made, indenter=None) -> FromScript:
         centre, velocity, radius, stiffness = indenter
         law = Indenter(name="indent", shape="sphere", radius=radius, stiffness=stiffness)
         add(lambda t: replace(law, centre=tuple(centre + t * velocity)), np.ones(len(reference), bool))
-        lines.append("indenter of [twin]: the same force on every atom's mass of the nodes")
+        lines.append("indenter of [twin]: the same force on the places of the atoms, which nodes carry")
     if left:
         lines.append(f"left out of what the script does to atoms: {', '.join(left)}")
     return FromScript(held, forces, lines)
+
+
+def shape_of(reference, made):
+    """How nodes carry the atoms."""
+    if made.step_cc is None or (
+        len(made.body) == len(reference) and np.array_equal(made.body.X_nc, reference.positions)
+    ):
+        return Shape(reference)
+    return Shape(reference, made.body.X_nc, made.step_cc)
+
+
+def indenters(forces) -> list:
+    """Those of `NodeForce` objects that are indenters."""
+    return [f for f in forces if isinstance(f.at(0.0), Indenter)]
+
+
+def add_indenters(data, units, md_tc, pd_tc) -> list[str]:
+    """The force on the indenters over time, of atoms and nodes (frames, 3), into the dataset; a line for a person."""
+    for side, F_tc in (("md", md_tc), ("pd", pd_tc)):
+        attrs = {"units": units.label("force"), "long_name": f"force on the indenters, {side.upper()}"}
+        data[f"{side}_indenter_force"] = (("frame", "i"), units.to_user("force", np.array(F_tc)), attrs)
+    md, pd = (np.array(F) for F in (md_tc, pd_tc))
+    size = float(np.sqrt((md**2).sum(axis=1).mean()))
+    off = float(np.sqrt(((pd - md) ** 2).sum(axis=1).mean()))
+    relative = f" ({100 * off / size:.3g} %)" if size > 0 else ""
+    show = lambda v: f"{units.to_user('force', v):.4g}"  # noqa: E731
+    return [
+        f"indenters: force rms {show(size)} {units.label('force')} in the MD, the twin's is {show(off)} off{relative}"
+    ]
 
 
 def _with_groups(pot, reference, names):

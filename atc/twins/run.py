@@ -28,7 +28,7 @@ from .conditions import (
 from .crack import Crack, add_crack, crack_lines, unit_vector
 from .damage import NearestBonds, add_damage, on_grid
 from .nodes import add_nodes, classical_of
-from .outside import from_script
+from .outside import add_indenters, from_script, indenters
 
 
 @dataclass
@@ -173,6 +173,7 @@ def _twin(scene, tell, progress) -> Twin:
     bonds = NearestBonds(reference, crystal) if getattr(material, "damage", None) is not None else None
     crack = _crack(scene, get, made, reference, kernel, bonds, sim)
     md_damage, pd_damage, broken, tips, spent = [], [], [], [], []
+    indenting, md_push, pd_push = indenters(script.forces), [], []
     md_nodes = [smoothed_displacement(f, reference, made.smoothing, made.body.X_nc) for f in frames]
     pd_nodes = []
     at_rest = None
@@ -186,6 +187,9 @@ def _twin(scene, tell, progress) -> Twin:
     for k in range(len(frames)):
         _advance(sim, frames, times, k, motion)
         pd_nodes.append(sim.state.u_nc.copy())
+        if indenting:
+            md_push.append(-sum(law.on_atoms(frames[k], times[k]) for law in indenting))
+            pd_push.append(-sum(law.force for law in indenting))
         with warnings.catch_warnings():
             if k:  # what is wrong with the grid has been said of the first
                 warnings.simplefilter("ignore", AtcWarning)
@@ -228,6 +232,8 @@ def _twin(scene, tell, progress) -> Twin:
     if crack is not None:
         add_crack(data, u, times, tips)
         said += crack_lines(data)
+    if indenting:
+        said += add_indenters(data, u, md_push, pd_push)
     lines += said
     for line in said if tell is not None else ():
         tell(line)

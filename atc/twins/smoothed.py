@@ -70,7 +70,7 @@ class Shape:
                     break
             else:
                 raise AtcError(
-                    f"{reference.source}: atom {reference.ids[k]} has too few nodes around it for smoothed: take a "
+                    f"{reference.source}: atom {reference.ids[k]} has too few nodes around it that carry it: take a "
                     "smaller spacing in [twin]"
                 )
             rows.append(np.full(len(near), k))

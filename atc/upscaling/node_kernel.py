@@ -126,6 +126,15 @@ def wanted_moments(elastic: ElasticConstants, volume: float) -> np.ndarray:
     return np.array([[0.5 * volume * (C[i, p, j, q] + C[i, q, j, p]) for i, j in VOIGT] for p, q in VOIGT])
 
 
+def wave_constants(kernel) -> np.ndarray:
+    """(6, 6) the constants whose acoustic tensor C_ijkl k_j k_l is that of the springs: C_ijkl = [ik, jl] + [jk, il] −
+    [ij, kl] with V [ik, jl] = Σ ½ S_ik ξ_j ξ_l (Born and Huang)."""
+    xi = kernel.offsets_bc @ kernel.step_cc
+    q = 0.5 * np.einsum("bik,bj,bl->ikjl", kernel.springs_bcc, xi, xi) / kernel.volume
+    C = np.einsum("ikjl->ijkl", q) + np.einsum("jkil->ijkl", q) - np.einsum("ijkl->ijkl", q)
+    return np.array([[C[(*p, *r)] for r in VOIGT] for p in VOIGT])
+
+
 def measure(made, fc, elastic, reciprocal):
     """Errors of ω and the smallest ω², at other wave vectors than those of the fit."""
     m = 2 * _MESH + 1

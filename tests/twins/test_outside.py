@@ -47,6 +47,8 @@ def run(tmp_path_factory):
     try:
         with lammps_session() as lmp:
             lmp.file("in.indent")
+            push = [lmp.extract_fix("push", 0, 1, i) for i in range(3)]
+            (folder / "push.txt").write_text(" ".join(f"{p:.15g}" for p in push))
     finally:
         os.chdir(here)
     return folder
@@ -107,3 +109,20 @@ def test_an_indenter_of_ones_own(run):
     with pytest.raises(atc.AtcError, match="needs indenter_stiffness too"):
         twin(run, indenter_centre=[0, 0, 0], indenter_radius=1.0)
     assert crystal("argon").lattice_constant > 5.2
+
+
+def test_the_force_on_the_indenter(run):
+    """Over time, of the atoms as LAMMPS has it; of nodes a lattice constant apart, whose outermost lie below the atoms'
+    surface, by the places of the atoms that they carry: within a third of the MD's."""
+    found = twin(run, material="isotropic")
+    ds = found.dataset
+    md, pd = ds["md_indenter_force"].values, ds["pd_indenter_force"].values
+    assert md[-1] == pytest.approx(np.loadtxt(run / "push.txt"), rel=1e-6, abs=1e-9)
+    assert md.shape == pd.shape == (5, 3) and pd[0, 2] == pytest.approx(md[0, 2], rel=0.1)
+    assert np.sqrt(((pd - md) ** 2).sum() / (md**2).sum()) < 1 / 3
+    sim = found.simulation
+    assert len(sim.body) < 40 and "indenters: force rms" in found.lines[-1]
+    # What the nodes feel is what the indenter does.
+    F = np.zeros_like(sim.positions_nc)
+    sim.rigid[0].add(0.0, sim._z, F)
+    assert F.sum(axis=0) == pytest.approx(-pd[-1], rel=1e-9, abs=1e-12)
