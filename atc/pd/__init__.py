@@ -25,9 +25,9 @@ F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central
 `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)` `relax(sim, time=)` adaptive dynamic relaxation,
 `solve_static(sim, time=)` Newton-Krylov: static states with prescribed displacements and forces, each a step.
 `bond_law` : decorator of the law of a bond, with which a subclass of PMB is a bond-based material of its own.
-Materials: PMB, LPS, Correspondence, Elastic, Viscoelastic; Linear (a micromodulus tensor, e.g. of a crystal) and
-Hyperelastic (any W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for tests that loop over
-all.
+Materials: PMB, LPS, Correspondence, Elastic, Viscoelastic, Plastic; Linear (a micromodulus tensor, e.g. of a
+crystal) and Hyperelastic (any W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for tests
+that loop over all.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _PUBLIC = {
     "bonds": "Notch Families",
     "regions": "Region Box Cylinder Sphere Nodes Everywhere",
     "materials": "PMB LPS Elastic Correspondence Hyperelastic Linear MATERIALS INFLUENCE BondForces Material bond_law "
-    "Viscoelastic",
+    "Plastic Viscoelastic",
     "damage": "CriticalStretch",
     "contact": "Contact",
     "indenter": "Indenter Wall",

@@ -152,29 +152,9 @@ class StateModel(ForceModel):
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         warm = () if self.rest_b is None else (self.rest_b,)
-        t, bl = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, *warm), self.blocks
+        t = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, *warm)
         r0, W, WB, *rest = t.columns
-        # Extensions into e_b, S into S_n; current positions and A into y_nk.
-        self.crew.run(
-            _extensions,
-            bl.count,
-            bl.edges,
-            bl.lo,
-            bl.hi,
-            bl.offset,
-            t.start_n,
-            t.j_b,
-            t.image_b,
-            self.images,
-            z,
-            r0,
-            W,
-            self.guard,
-            t.intact_b,
-            self.e_b,
-            self.scalar_buf,
-        )
-        self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
+        self.extend(z, t, r0, W)
         law, data = _row, (r0, W, WB, self.e_b)
         if rest:
             self.S_n -= self._rest_sums(intact_b)
@@ -182,6 +162,15 @@ class StateModel(ForceModel):
             self.y_nk[:, 7] = -self.y_nk[:, 3]
             law, data = _row_warm, (*data, rest[0])
         return self.account(z, t.broke(self.pull(t, gather_positions, law, self.y_nk, data, F_nc, smin_n, damage)))
+
+    def extend(self, z, t, r0, W):
+        """Extensions of the bonds `t` into e_b, S into S_n; current positions and A into y_nk."""
+        bl = self.blocks
+        self.crew.run(
+            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, r0,
+            W, self.guard, t.intact_b, self.e_b, self.scalar_buf,
+        )  # fmt: skip
+        self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
 
     def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n
