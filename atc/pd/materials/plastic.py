@@ -86,15 +86,15 @@ class PlasticModel(StateModel):
         # ½ B Σ W x² of a node at yield.
         self.limit_n = self.per_node(lambda m: m.yield_stress**2 / (6 * m.shear)) * body.V_n
         self.shear_n = self.per_node(lambda m: m.shear)
-        self.history, self._flowing = None, False
+        self._flowing = False
 
     def remember(self, history):
         """Go on from a state's history; an empty one begins."""
-        if not history:
+        super().remember(history)
+        if "plastic_i_b" not in history:
             b = len(self.table)
             history.update({k: np.zeros(b) for k in ("extension_b", "plastic_i_b", "plastic_j_b")})
             history["strain_n"] = np.zeros(self.n)
-        self.history = history
 
     def advance(self, dt):
         """The next forces are those of a step, in which nodes may flow."""

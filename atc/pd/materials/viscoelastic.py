@@ -84,14 +84,14 @@ class ViscousModel(StateModel):
         t = self.table
         self.soft_n = self.per_node(lambda m: m.fraction) * self.B_n
         self.soft_b = self.W_b * (self.soft_n[t.i_b] + self.soft_n[t.j_b])
-        self.history, self._step = None, None
+        self._step = None
 
     def remember(self, history):
         """Go on from a state's history; an empty one begins."""
-        if not history:
+        super().remember(history)
+        if "back_b" not in history:
             b, n = len(self.table), self.n
             history.update(extension_b=np.zeros(b), back_b=np.zeros(b), dilatation_n=np.zeros(n), back_n=np.zeros(n))
-        self.history = history
 
     def advance(self, dt):
         """The next forces are those a time `dt` later."""
