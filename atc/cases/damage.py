@@ -69,6 +69,13 @@ def check(case, one_of):
     damage = case.data.get("damage")
     if damage is not None:
         one_of(("damage",), damage, "s00", "Gc", least=0 if breaking else 1)
+        if damage.get("criterion") == "energy":
+            for section in ("damage", "material", "interface"):
+                for k, t in enumerate([damage] if section == "damage" else case.data.get(section, [])):
+                    for key in ("s00", "alpha"):
+                        if key in t:
+                            path = (section, key) if section == "damage" else (section, str(k), key)
+                            raise case.bad(path, '[damage] criterion = "energy" takes Gc alone')
         breaking = ("damage",)
     for section in ("material", "interface"):
         for k, t in enumerate(case.data.get(section, [])):
@@ -105,12 +112,12 @@ def stiffness(case, materials) -> dict:
 
 
 def rules(case, materials, body, factors):
-    """When bonds break, as `pd.Simulation` takes it: None, one `CriticalStretch`, or {material or (a, b):
-    CriticalStretch}.
+    """When bonds break, as `pd.Simulation` takes it: None, one `CriticalStretch` or `CriticalEnergy`, or
+    {material or (a, b): it}.
 
     A material's own strength goes before that of [damage]; an interface's before that of its weaker side.
     """
-    from ..pd.damage import CriticalStretch
+    from ..pd.damage import CriticalEnergy, CriticalStretch
 
     general = case.data.get("damage", {})
     out = {}
@@ -131,6 +138,8 @@ def rules(case, materials, body, factors):
         alpha = t.get("alpha", general.get("alpha", 0.0))
         if "s00" in strength:
             out[of] = CriticalStretch(strength["s00"], alpha)
+        elif "Gc" in strength and general.get("criterion") == "energy":
+            out[of] = CriticalEnergy(strength["Gc"])
         elif "Gc" in strength and pair:
             a, b = (materials[m] for m in pair)
             out[of] = CriticalStretch.from_energy(

@@ -259,6 +259,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "regions": {},
     "damage": {
         **{k: _STRENGTH[k] for k in ("s00", "Gc", "alpha")},
+        "criterion": Key(_choice(["stretch", "energy"]), '"stretch" or "energy", what breaks a bond'),
         "no_fail": Key(_either(_list_of(_region), lambda v: [_region(v)]), "regions whose bonds never break"),
     },
     "contact": {

@@ -94,6 +94,8 @@ def _held_together(case, sim) -> list[str]:
     own = {between(case, k): t for k, t in enumerate(case.data.get("interface", []))}
 
     def breaks(pair):
+        if rule.Gc is not None and np.isfinite(rule.Gc[sim.model.kinds[pair]]):
+            return f"break when the work on them is their share of Gc = {rule.Gc[sim.model.kinds[pair]]:.4g}"
         s00, alpha = rule.s00[sim.model.kinds[pair]], rule.alpha[sim.model.kinds[pair]]
         return (
             f"break at a stretch of {s00:.4g}{f', alpha {alpha:g}' if alpha else ''}"

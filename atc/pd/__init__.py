@@ -22,12 +22,13 @@ exact restarts: Simulation(..., state=State.from_arrays(a)) `BondForces` : i, j,
 F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central), bond_b; .bonds() → atc.bonds.Bonds
 `snapshot(sim)` : (frame, bonds) for `atc.fields`; `reference_frame(sim)`
 `Prescribed(region, velocity= | displacement=)`, `BodyForce(region, density= | total=)`, `Indenter`, `Wall`, `Contact`,
-`CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)` `relax(sim, time=)` adaptive dynamic relaxation,
-`solve_static(sim, time=)` Newton-Krylov: static states with prescribed displacements and forces, each a step.
+`CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)`, `CriticalEnergy(Gc)`
+`relax(sim, time=)` adaptive dynamic relaxation, `solve_static(sim, time=)` Newton-Krylov: static states with prescribed
+displacements and forces, each a step.
 `bond_law` : decorator of the law of a bond, with which a subclass of PMB is a bond-based material of its own.
-Materials: PMB, LPS, Correspondence, Elastic, Viscoelastic; Linear (a micromodulus tensor, e.g. of a crystal) and
-Hyperelastic (any W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for tests that loop over
-all.
+Materials: PMB, LPS, Correspondence, Elastic, Viscoelastic, Plastic; Linear (a micromodulus tensor, e.g. of a
+crystal) and Hyperelastic (any W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for tests
+that loop over all.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ _PUBLIC = {
     "bonds": "Notch Families",
     "regions": "Region Box Cylinder Sphere Nodes Everywhere",
     "materials": "PMB LPS Elastic Correspondence Hyperelastic Linear MATERIALS INFLUENCE BondForces Material bond_law "
-    "Viscoelastic",
-    "damage": "CriticalStretch",
+    "Plastic Viscoelastic",
+    "damage": "CriticalStretch CriticalEnergy",
     "contact": "Contact",
     "indenter": "Indenter Wall",
     "conditions": "Prescribed BodyForce",

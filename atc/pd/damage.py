@@ -1,5 +1,5 @@
 """When bonds break: the critical stretch, with its dependence on a node's most compressed bond (Silling & Askari 2005;
-R 3.0.8-3.0.10)."""
+R 3.0.8-3.0.10); or a critical energy, the work done on a bond (Foster, Silling & Chen 2011)."""
 
 from __future__ import annotations
 
@@ -53,6 +53,29 @@ class CriticalStretch:
         return cls(float(np.sqrt(Gc / one)), alpha)
 
 
+@dataclass(frozen=True)
+class CriticalEnergy:
+    """A bond of a state-based ordinary body breaks for good when the work done on it, ∫ f de per volumes of its ends
+    (and their share ν), exceeds w_c, and it is longer than at rest. It pulls once more.
+
+    Gc : fracture energy per area. w_c is that with which all bonds across a plane together cost it: 4Gc/(πδ⁴) in three
+        dimensions, 3Gc/(2hδ³) in plates.
+    """
+
+    Gc: float
+
+    def __post_init__(self):
+        if not self.Gc > 0:
+            raise AtcError(f"the fracture energy Gc must be positive, got {self.Gc!r}")
+
+    def of_bonds(self, body) -> float:
+        """w_c in this body."""
+        from .materials.base import MEAN_COS, moment
+
+        # Every direction counts a bond twice.
+        return self.Gc / (0.5 * moment("one", body, 1) * MEAN_COS[body.dimension])
+
+
 def damage_n(body, intact_b) -> np.ndarray:
     """(n,) φ_i = 1 − ΣV_j over intact bonds / ΣV_j over the reference family (R 3.0.10); 0 for a node without a
     family."""
@@ -71,14 +94,19 @@ def damage_n(body, intact_b) -> np.ndarray:
 
 
 class DamageRule:
-    """Critical stretches of every kind of bond, as the kernels want them. `rules` is None, one CriticalStretch, or
-    {material or (a, b): it}."""
+    """Critical stretches, or energies, of every kind of bond, as the kernels want them. `rules` is None, one
+    CriticalStretch or CriticalEnergy, or {material or (a, b): it}. `Gc` (kinds,) is None unless bonds break by
+    energy."""
 
     def __init__(self, rules, ids, kinds, n_kinds):
         self.s00 = np.full(n_kinds, np.inf)
         self.alpha = np.zeros(n_kinds)
+        self.Gc = None
         self.active = rules is not None
         if rules is None:
+            return
+        if isinstance(rules, CriticalEnergy):
+            self.Gc = np.full(n_kinds, rules.Gc)
             return
         if isinstance(rules, CriticalStretch):
             self.s00[:], self.alpha[:] = rules.s00, rules.alpha
@@ -87,11 +115,21 @@ class DamageRule:
             for a in key if isinstance(key, tuple) else (key,):
                 if a not in ids:
                     raise AtcError(f"damage: there is no material {a!r} in this body; its materials are {sorted(ids)}")
+        by_energy = {isinstance(r, CriticalEnergy) for r in rules.values() if not np.isinf(getattr(r, "s00", 0.0))}
+        if len(by_energy) > 1:
+            raise AtcError(
+                "damage: the bonds of one body break by a critical stretch or by a critical energy, not both"
+            )
+        if by_energy == {True}:
+            self.Gc = np.full(n_kinds, np.inf)
+        size = lambda r: getattr(r, "Gc", np.inf) if self.Gc is not None else r.s00  # noqa: E731
         for (a, b), k in kinds.items():
             rule = rules.get((a, b), rules.get((b, a)))
             if rule is None:
                 # Without a rule of its own an interface is as weak as the weaker side; a side without a rule never
                 # breaks.
-                rule = min((rules[m] for m in (a, b) if m in rules), key=lambda r: r.s00, default=None)
-            if rule is not None:
+                rule = min((rules[m] for m in (a, b) if m in rules), key=size, default=None)
+            if isinstance(rule, CriticalEnergy):
+                self.Gc[k] = rule.Gc
+            elif rule is not None:
                 self.s00[k], self.alpha[k] = rule.s00, rule.alpha

@@ -57,7 +57,8 @@ class Simulation:
     ----------
     body : Body
     materials : a material, or {material number: material}
-    damage : None (bonds never break), a CriticalStretch, or {material or (a, b): CriticalStretch}
+    damage : None (bonds never break), a CriticalStretch, a CriticalEnergy (ordinary state-based bodies), or {material
+        or (a, b): one of these}
     no_fail : region or list of regions: bonds with an end in one of them never break
     contact : None or False (none), True, or a `Contact`
     indenter, walls : one or several `Indenter`, `Wall`

@@ -16,9 +16,9 @@ K, G, SHARE, TIME = 14.9e9, 9.0e9, 0.4, 3e-8
 class Twin:
     """Directed bonds in plain numpy: e^db_ij of every bond from each end. `fault`: LAMMPS's."""
 
-    def __init__(self, body, fault):
+    def __init__(self, body, fault, share=SHARE):
         t = body.bonds
-        self.body, self.fault, self.n = body, fault, len(body)
+        self.body, self.fault, self.share, self.n = body, fault, share, len(body)
         self.i, self.j = np.r_[t.i_b, t.j_b], np.r_[t.j_b, t.i_b]
         xi = body.X_nc[self.j] - body.X_nc[self.i]
         self.r0 = np.linalg.norm(xi, axis=1)
@@ -40,7 +40,7 @@ class Twin:
             self.back = decay * self.back + (1 - decay) * self.dev + even * (dev - self.dev)
         self.dev = dev
         pull = 3 * K * (theta[i] / self.m[i] + theta[j] / self.m[j]) * r0
-        pull += 15 * G * ((dev - SHARE * self.back) / np.stack([self.m[i], self.m[j]])).sum(axis=0)
+        pull += 15 * G * ((dev - self.share * self.back) / np.stack([self.m[i], self.m[j]])).sum(axis=0)
         f = pull * self.w
         return np.stack([np.bincount(i, f * y[:, c] / r, self.n) for c in range(3)], axis=1)  # force density
 
@@ -80,6 +80,25 @@ def test_lammps_and_the_engine_against_the_twin():
     assert np.abs(lammps[0]["f"].sum(axis=0)).max() > np.abs(lammps[0]["f"]).max()
     now = (sim.mass_n[:, None] * sim.state.v_nc).sum(axis=0)
     np.testing.assert_allclose(now, momentum, atol=1e-12 * (sim.mass_n[:, None] * np.abs(v)).sum())
+
+
+def test_lammps_plastic_has_the_same_fault():
+    """`peri/eps` far below yield: not LPS, but the twin with both ends' deviatoric extensions of one end's dilatation."""
+    body = block()
+    v = 50 * np.random.default_rng(0).normal(size=(len(body), 3))
+    lammps = run_peri(body, ("peri/eps", f"* * {K} {G} 0.0015001 10.0 0.0 1e30"), [1, 5], dt=1e-8, velocities=v)
+    sim = pd.Simulation(body, pd.Plastic(K, G, yield_stress=1e30), velocities=v, dt=1e-8, threads=1)
+    for fault in (True, False):
+        twin, x, w = Twin(body, fault, share=0.0), body.X_nc.copy(), v.copy()
+        f = twin.forces(x)
+        for k in range(5):
+            x, w, f = twin.step(x, w, f, 1e-8)
+            if fault and k in (0, 4):
+                np.testing.assert_allclose(lammps[k // 4]["f"], f, atol=1e-9 * np.abs(f).max())
+            elif not fault:
+                sim.step()
+                np.testing.assert_allclose(sim.forces() / body.V_n[:, None], f, atol=1e-9 * np.abs(f).max())
+    assert np.abs(lammps[1]["f"] - f).max() > 0.2 * np.abs(f).max()
 
 
 def sheared(material, dt, H):

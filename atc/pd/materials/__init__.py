@@ -5,6 +5,7 @@ from .correspondence import Correspondence
 from .hyperelastic import Hyperelastic
 from .linear import Linear
 from .lps import LPS, Elastic
+from .plastic import Plastic
 from .pmb import PMB, bond_law
 from .viscoelastic import Viscoelastic
 
@@ -19,12 +20,13 @@ __all__ = [
     "Hyperelastic",
     "Linear",
     "Material",
+    "Plastic",
     "Viscoelastic",
     "bond_law",
 ]
 
 # name: a function (bulk, shear) → material; bond-based ones ignore the shear modulus. `Linear` and `Hyperelastic`,
-# which are no isotropic laws, and `Viscoelastic`, which has a memory, are not among them.
+# which are no isotropic laws, and `Viscoelastic` and `Plastic`, which have a memory, are not among them.
 MATERIALS = {
     "pmb": lambda bulk, shear: PMB(bulk),
     "lps": lambda bulk, shear: LPS(bulk, shear),

@@ -230,6 +230,11 @@ class ForceModel:
             self.kind_b = np.zeros(0, np.uint8)
             self.n_kinds = 1
         self.rule = DamageRule(rules, ids, self.kinds, self.n_kinds)
+        if self.rule.Gc is not None and not self.counts_work:
+            raise AtcError(
+                f"damage: {self.first.name} breaks by a critical stretch: a critical energy is for lps, elastic, "
+                "viscoelastic and plastic"
+            )
         # Translations of the images, and what a strain of the cell adds to them.
         self.images = np.zeros((len(self.table.images_tc), 6))
         self.images[:, :3] = self.table.images_tc
@@ -365,6 +370,9 @@ class ForceModel:
         self.refresh(z, intact_b)
         for b in self.parts():
             yield self.forces_of_bonds(z, None, b[intact_b[b] != 0])
+
+    #: Whether bonds can break by the work done on them.
+    counts_work = False
 
     #: Whether forces depend on the past: then `remember` takes the state's history up and `advance` tells the step that
     #: the next forces are for; `taken` is what that step dissipated.

@@ -14,6 +14,7 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..blocks import node_rows
 from ..bonds import JIT
+from ..damage import CriticalEnergy
 from ..lanes import INLINE, C, gather, gather_positions
 from ..surface import moment_factors
 from .base import BondForces, ForceModel, Isotropic, deformed, influence_function
@@ -91,7 +92,13 @@ class Elastic(LPS):
 
 class StateModel(ForceModel):
     """LPS forces. Nodes of different materials each use their own constants: the force state of an interface node is
-    that of its material."""
+    that of its material.
+
+    Where bonds break by energy `history` (of the state) has of each bond work_b, and pull_b and reach_b, its force and
+    extension of the last step.
+    """
+
+    counts_work = True
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
@@ -128,9 +135,38 @@ class StateModel(ForceModel):
         # Extensions of bonds at rest, and Σ W |ξ| of them over each node's intact bonds; None without a temperature.
         self.rest_b = self.rest_S_n = None
         self._rest_of = None, -1
+        self.history = None
+        if self.rule.Gc is not None:
+            self.remembers = True
+            per_volumes = np.array([CriticalEnergy(g).of_bonds(body) for g in self.rule.Gc])
+            self.worth_b = self.per_bond(per_volumes) * (body.V_n[t.i_b] * body.V_n[t.j_b])
+            if self.first.volume_correction:
+                self.worth_b *= body.nu_b()
+
+    def remember(self, history):
+        """Go on from a state's history; an empty one begins."""
+        if self.rule.Gc is not None and "work_b" not in history:
+            history.update({k: np.zeros(len(self.table)) for k in ("work_b", "pull_b", "reach_b")})
+        self.history = history
+
+    def pull(self, rows, gather, law, z, data, F_nc, smin_n, damage):
+        gone = super().pull(rows, gather, law, z, data, F_nc, smin_n, damage)
+        if self.rule.Gc is None:
+            return gone
+        H, walked = self.history, slice(None) if rows.bond_b is None else rows.bond_b
+        kept = [H[k][walked] for k in ("work_b", "pull_b", "reach_b")]
+        slack = data[4] if len(data) > 4 else np.zeros(len(rows.j_b))
+        gone = _overworked(
+            rows.start_n, rows.j_b, rows.intact_b, *data[:4], slack, self.y_nk, *kept, self.worth_b[walked], damage
+        )
+        for k, value in zip(("work_b", "pull_b", "reach_b"), kept, strict=True):
+            H[k][walked] = value
+        return gone
 
     def heat(self, rise_n):
         """Bonds at rest are those at temperatures that have risen by `rise_n` (n,)."""
+        if self.rule.Gc is not None:
+            raise AtcError("temperature: bonds that are at rest expanded break by a critical stretch, not by an energy")
         t = self.table
         # Held to its plane, a plate expands by more.
         held = self.body.dimension == 2 and self.body.plane == "strain"
@@ -152,29 +188,9 @@ class StateModel(ForceModel):
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         warm = () if self.rest_b is None else (self.rest_b,)
-        t, bl = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, *warm), self.blocks
+        t = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, *warm)
         r0, W, WB, *rest = t.columns
-        # Extensions into e_b, S into S_n; current positions and A into y_nk.
-        self.crew.run(
-            _extensions,
-            bl.count,
-            bl.edges,
-            bl.lo,
-            bl.hi,
-            bl.offset,
-            t.start_n,
-            t.j_b,
-            t.image_b,
-            self.images,
-            z,
-            r0,
-            W,
-            self.guard,
-            t.intact_b,
-            self.e_b,
-            self.scalar_buf,
-        )
-        self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
+        self.extend(z, t, r0, W)
         law, data = _row, (r0, W, WB, self.e_b)
         if rest:
             self.S_n -= self._rest_sums(intact_b)
@@ -182,6 +198,15 @@ class StateModel(ForceModel):
             self.y_nk[:, 7] = -self.y_nk[:, 3]
             law, data = _row_warm, (*data, rest[0])
         return self.account(z, t.broke(self.pull(t, gather_positions, law, self.y_nk, data, F_nc, smin_n, damage)))
+
+    def extend(self, z, t, r0, W):
+        """Extensions of the bonds `t` into e_b, S into S_n; current positions and A into y_nk."""
+        bl = self.blocks
+        self.crew.run(
+            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, r0,
+            W, self.guard, t.intact_b, self.e_b, self.scalar_buf,
+        )  # fmt: skip
+        self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
 
     def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n
@@ -362,3 +387,23 @@ def _row_warm(m, b0, i, node, w, v, intact, data):
         w[2 * C + k] *= K
         w[6 * C + k] = s if whole else np.inf
         w[7 * C + k] = s if whole else -np.inf
+
+
+@njit(**JIT)
+def _overworked(start, j, intact, r0, W, WB, e, slack, y, work, pull, reach, worth, damage):
+    """Add what the forces have done to each bond since the last step, with the mean of both. The bonds, in their order,
+    that this has broken (with `damage`)."""
+    gone = np.empty(len(j), np.int64)
+    n = 0
+    for i in range(len(start) - 1):
+        for b in range(start[i], start[i + 1]):
+            if intact[b] != 0:
+                f = W[b] * (y[i, 3] + y[j[b], 3]) * r0[b] + WB[b] * e[b] - slack[b]
+                work[b] += 0.5 * (f + pull[b]) * (e[b] - reach[b])
+                pull[b] = f
+                reach[b] = e[b]
+                if damage and intact[b] == 1 and work[b] > worth[b] and e[b] > 0.0:
+                    intact[b] = 0
+                    gone[n] = b
+                    n += 1
+    return gone[:n].copy()

@@ -14,7 +14,7 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..lanes import INLINE, C, gather_positions
 from .base import deformed
-from .lps import LPS, StateModel, _extensions, _gather_up
+from .lps import LPS, StateModel
 from .rows import eights
 
 
@@ -84,14 +84,14 @@ class ViscousModel(StateModel):
         t = self.table
         self.soft_n = self.per_node(lambda m: m.fraction) * self.B_n
         self.soft_b = self.W_b * (self.soft_n[t.i_b] + self.soft_n[t.j_b])
-        self.history, self._step = None, None
+        self._step = None
 
     def remember(self, history):
         """Go on from a state's history; an empty one begins."""
-        if not history:
+        super().remember(history)
+        if "back_b" not in history:
             b, n = len(self.table), self.n
             history.update(extension_b=np.zeros(b), back_b=np.zeros(b), dilatation_n=np.zeros(n), back_n=np.zeros(n))
-        self.history = history
 
     def advance(self, dt):
         """The next forces are those a time `dt` later."""
@@ -101,13 +101,9 @@ class ViscousModel(StateModel):
         raise AtcError("temperature: viscoelastic has no thermal expansion: take lps or elastic, with expansion")
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
-        t, bl, H = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, self.soft_b), self.blocks, self.history
+        t, H = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, self.soft_b), self.history
         r0, W, WB, soft = t.columns
-        self.crew.run(
-            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, r0,
-            W, self.guard, t.intact_b, self.e_b, self.scalar_buf,
-        )  # fmt: skip
-        self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
+        self.extend(z, t, r0, W)
         d = self.body.dimension
         theta = d * np.divide(self.S_n, self.M_n, out=np.zeros(self.n), where=self.M_n > 0)
         walked = slice(None) if t.bond_b is None else t.bond_b
@@ -134,7 +130,7 @@ class ViscousModel(StateModel):
         slack = soft * back
         data = (r0, W, WB, self.e_b, slack)
         return self.account(
-            z, t.broke(self.pull(t, gather_positions, _row_viscous, self.y_nk, data, F_nc, smin_n, damage))
+            z, t.broke(self.pull(t, gather_positions, row_slack, self.y_nk, data, F_nc, smin_n, damage))
         )
 
     def _dashpots(self, e, theta, i, b):
@@ -176,8 +172,8 @@ class ViscousModel(StateModel):
 
 
 @njit(**INLINE)
-def _row_viscous(m, b0, i, node, w, v, intact, data):
-    """`_row` less what the dashpots let go."""
+def row_slack(m, b0, i, node, w, v, intact, data):
+    """`lps._row` less what dashpots, or plastic flow, have let go."""
     r0, W, WB, e, slack = data
     for k in range(eights(m, b0, intact)):
         b = np.uint64(b0) + np.uint64(k)
