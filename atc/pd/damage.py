@@ -68,13 +68,6 @@ class CriticalEnergy:
         if not self.Gc > 0:
             raise AtcError(f"the fracture energy Gc must be positive, got {self.Gc!r}")
 
-    def of_bonds(self, body) -> float:
-        """w_c in this body."""
-        from .materials.base import MEAN_COS, moment
-
-        # Every direction counts a bond twice.
-        return self.Gc / (0.5 * moment("one", body, 1) * MEAN_COS[body.dimension])
-
 
 def damage_n(body, intact_b) -> np.ndarray:
     """(n,) φ_i = 1 − ΣV_j over intact bonds / ΣV_j over the reference family (R 3.0.10); 0 for a node without a

@@ -56,6 +56,12 @@ def moment(influence, body, power: int):
 MEAN_COS = {1: 1.0, 2: 2 / np.pi, 3: 0.5}
 
 
+def critical_work(Gc, body):
+    """w_c of a bond, per volumes of its ends, with which all bonds across a plane together cost Gc per area."""
+    # Every direction counts a bond twice.
+    return Gc / (0.5 * moment("one", body, 1) * MEAN_COS[body.dimension])
+
+
 def bond_based_shear(body, youngs=None, bulk=None):
     """μ (= λ) of a bond-based body, whose Poisson's ratio is 1/4 (plane stress 1/3), from Young's or the bulk
     modulus."""

@@ -14,10 +14,9 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..blocks import node_rows
 from ..bonds import JIT
-from ..damage import CriticalEnergy
 from ..lanes import INLINE, C, gather, gather_positions
 from ..surface import moment_factors
-from .base import BondForces, ForceModel, Isotropic, deformed, influence_function
+from .base import BondForces, ForceModel, Isotropic, critical_work, deformed, influence_function
 from .rows import eights
 
 
@@ -138,8 +137,7 @@ class StateModel(ForceModel):
         self.history = None
         if self.rule.Gc is not None:
             self.remembers = True
-            per_volumes = np.array([CriticalEnergy(g).of_bonds(body) for g in self.rule.Gc])
-            self.worth_b = self.per_bond(per_volumes) * (body.V_n[t.i_b] * body.V_n[t.j_b])
+            self.worth_b = self.per_bond(critical_work(self.rule.Gc, body)) * (body.V_n[t.i_b] * body.V_n[t.j_b])
             if self.first.volume_correction:
                 self.worth_b *= body.nu_b()
 
