@@ -348,12 +348,13 @@ def stopped(process, out, number, least=2):
 def test_told_to_stop(tmp_path, wholes, kind, number, status, word):
     out, _ = prepare(tmp_path, kind)
     got, err = stopped(command(tmp_path, kind, hold=2), out, number)
-    assert (
-        got == status
-        and err
-        == f"error: {word}; {'what is done is' if kind == 'pd' else 'the finished frames are'} kept: the same command "
-        "continues\n"
+    *before, last = err.splitlines()
+    assert got == status and last == (
+        f"error: {word}; {'what is done is' if kind == 'pd' else 'the finished frames are'} kept: the same command "
+        "continues"
     )
+    # The case's horizon is short, which is said first.
+    assert [line[:40] for line in before] == ["warning: case.toml:4: [body] horizon: 3."] * (kind == "pd")
     assert not out.exists()
     assert command(tmp_path, kind).wait(timeout=200) == 0
     assert results(tmp_path, kind, None)[0] == wholes(kind)[0]
