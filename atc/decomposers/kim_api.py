@@ -24,7 +24,7 @@ _DEDR = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double),
 
 
 @cache
-def library():
+def shared_object():
     """The shared library.
 
     Raises
@@ -48,7 +48,7 @@ def library():
 
 
 def _constant(name) -> _Name:
-    return _Name.in_dll(library(), f"KIM_{name}")
+    return _Name.in_dll(shared_object(), f"KIM_{name}")
 
 
 class Model:
@@ -61,7 +61,7 @@ class Model:
 
     def __init__(self, name: str):
         self.name, self._model, self._arguments = name, c_void_p(), c_void_p()
-        lib, accepted = library(), c_int()
+        lib, accepted = shared_object(), c_int()
         units = ("LENGTH_UNIT_A", "ENERGY_UNIT_eV", "CHARGE_UNIT_e", "TEMPERATURE_UNIT_K", "TIME_UNIT_ps")
         failed = lib.KIM_Model_Create(
             _constant("NUMBERING_zeroBased"),
@@ -88,7 +88,7 @@ class Model:
 
     def _support(self):
         """What it gives, and that nothing is missing."""
-        lib, status = library(), _Name()
+        lib, status = shared_object(), _Name()
         lib.KIM_ComputeArguments_GetCallbackSupportStatus(
             self._arguments, _constant("COMPUTE_CALLBACK_NAME_ProcessDEDrTerm"), byref(status)
         )
@@ -109,7 +109,7 @@ class Model:
 
     def code(self, element: str) -> int:
         """The number of an element; AtcError if it has none."""
-        lib, known, code = library(), c_int(), c_int()
+        lib, known, code = shared_object(), c_int(), c_int()
         species = lib.KIM_SpeciesName_FromString(element.encode())
         if lib.KIM_Model_GetSpeciesSupportAndCode(self._model, species, byref(known), byref(code)) or not known.value:
             raise AtcError(f"kim: {self.name} has no element {element!r}")
@@ -127,7 +127,7 @@ class Model:
         -------
         energy, energies_p, i, j (int), r_bc = x_i − x_j, dEdr/r; None if it fails
         """
-        lib, found = library(), []
+        lib, found = shared_object(), []
         count, energy, energies = c_int(len(x_pc)), c_double(), np.zeros(len(x_pc))
 
         def neighbors(_, n_lists, cutoffs, which, particle, out_n, out):
@@ -169,9 +169,9 @@ class Model:
 
     def __del__(self):
         if self._arguments:
-            library().KIM_Model_ComputeArgumentsDestroy(self._model, byref(self._arguments))
+            shared_object().KIM_Model_ComputeArgumentsDestroy(self._model, byref(self._arguments))
         if self._model:
-            library().KIM_Model_Destroy(byref(self._model))
+            shared_object().KIM_Model_Destroy(byref(self._model))
 
     def __reduce__(self):
         return Model, (self.name,)

@@ -92,11 +92,11 @@ def test_without_the_api(monkeypatch):
     def none(name):
         raise OSError
 
-    kim_api.library.cache_clear()
+    kim_api.shared_object.cache_clear()
     monkeypatch.setattr(ctypes, "CDLL", none)
     with pytest.raises(AtcError, match="the KIM API is not installed: e.g. apt install"):
         atc.kim(SW)
-    kim_api.library.cache_clear()
+    kim_api.shared_object.cache_clear()
 
 
 def test_scenes(silicon, tmp_path, monkeypatch):
