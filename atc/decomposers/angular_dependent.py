@@ -70,9 +70,7 @@ class AngularDependent(Centred):
         names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, angular=True)
         require_known(elements, t.elements, path, where)
-        made = cls(t, elements, units=units)
-        made.file_masses = made.map.masses(t.elements, t.masses, where)
-        return made
+        return cls(t, elements, units=units).with_masses(t.elements, t.masses, where)
 
     def describe(self) -> str:
         return (

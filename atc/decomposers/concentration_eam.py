@@ -69,9 +69,7 @@ class ConcentrationEAM(Term):
         names it, for messages."""
         t = read_setfl(path, system(units).name, False, where, mixing=True)
         require_known(elements, t.elements, path, where)
-        made = cls(t, elements, units=units, two_sites=two_sites)
-        made.file_masses = made.map.masses(t.elements, t.masses, where)
-        return made
+        return cls(t, elements, units=units, two_sites=two_sites).with_masses(t.elements, t.masses, where)
 
     def describe(self) -> str:
         return f"{self.style}{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each"

@@ -94,7 +94,7 @@ class EmbeddedAtom(Term):
         t = read_setfl(path, system(units).name, finnis_sinclair or helium, where, helium=helium)
         require_known(elements, t.elements, path, where)
         name = "eam/he" if helium else "eam/fs" if finnis_sinclair else "eam/alloy"
-        return cls(t, elements, units=units, name=name).with_masses(t, where)
+        return cls(t, elements, units=units, name=name).with_masses(t.elements, t.masses, where)
 
     @classmethod
     def from_funcfl(
@@ -106,12 +106,7 @@ class EmbeddedAtom(Term):
         t = read_funcfl(paths, system(units).name, where)
         elements = None if files_of_types is None else [None if k is None else str(k) for k in files_of_types]
         made = cls(t, elements, units=units, name="eam", rest=None if rest is None else str(rest))
-        return made.with_masses(t, where)
-
-    def with_masses(self, tables: EAMTables, where: str) -> EmbeddedAtom:
-        """The same, with what its file says of masses."""
-        self.file_masses = self.map.masses(tables.elements, tables.masses, where)
-        return self
+        return made.with_masses(t.elements, t.masses, where)
 
     def describe(self) -> str:
         what = self.name if self.name == "eam" else f"{self.name}{self.map.describe()}"

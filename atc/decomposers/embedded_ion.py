@@ -192,9 +192,7 @@ class EmbeddedIon(Term):
         """From a LAMMPS file: ``EmbeddedIon.from_file("ffield.eim", ["Na", "Cl"], ["Na", "Cl"])``. where : the line
         that names it, for messages."""
         p = read_eim(path, list(names), system(units).name, where)
-        made = cls(p, elements, units=units)
-        made.file_masses = made.map.masses(p.names, p.mass_e, where)
-        return made
+        return cls(p, elements, units=units).with_masses(p.names, p.mass_e, where)
 
     def describe(self) -> str:
         return f"eim{self.map.describe()}, energy ½qσ to its own atom, pair energy shared half to each"

@@ -82,9 +82,7 @@ class MEAM(Term):
             : the line, for messages
         """
         p = read_meam(library, names, parameters, system(units).name, where)
-        made = cls(p, elements, units=units)
-        made.file_masses = made.map.masses(p.names, p.mass_e, where)
-        return made
+        return cls(p, elements, units=units).with_masses(p.names, p.mass_e, where)
 
     def describe(self) -> str:
         return (
