@@ -11,7 +11,7 @@ from ..errors import AtcError
 from ..units import units as get_units
 from .lennard_jones import LennardJones, mix_lj
 from .pair import PairStyle
-from .pair_input import fill, mix_distance, pair_values
+from .pair_input import fill, mix_distance, named, pair_values
 from .registry import StyleInput, pair_style
 
 _SQRT_PI = np.sqrt(np.pi)
@@ -192,13 +192,7 @@ def _positive(inp: StyleInput, cutoff: float) -> float:
 def _damped(inp: StyleInput, cls, alpha, cutoff):
     """Where `pair_coeff` names types (no numbers), LAMMPS acts on all pairs as soon as each type is named with
     itself."""
-    given = {}
-    for line in inp.coeffs:
-        inp.numbers(line.words, [], line)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (1.0,)
-    (on,) = fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))
-    return cls.everywhere(on > 0, alpha, _positive(inp, cutoff), _constant(inp))
+    return cls.everywhere(named(inp) > 0, alpha, _positive(inp, cutoff), _constant(inp))
 
 
 @pair_style("coul/dsf")

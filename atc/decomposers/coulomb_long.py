@@ -17,7 +17,7 @@ from .inverse_powers import NM, Class2, _exponents
 from .lennard_jones import LennardJones, mix_lj
 from .long_range.split import ACCURACY, Split
 from .pair import PairStyle
-from .pair_input import fill, pair_values
+from .pair_input import named, pair_values
 from .radial import check_lines, inner_below_outer, mix_lj6
 from .registry import StyleInput, pair_style
 from .with_coulomb import positive_rho
@@ -110,12 +110,7 @@ def long_style(inp: StyleInput, cutoff: float, constant: float | None = None) ->
 @pair_style("coul/long")
 def _coul_long(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
-    given = {}
-    for line in inp.coeffs:
-        inp.numbers(line.words, [], line)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (1.0,)
-    fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))
+    named(inp)
     return long_style(inp, rc)
 
 

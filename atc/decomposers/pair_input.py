@@ -84,6 +84,18 @@ def fill(inp: StyleInput, given: dict, width: int, mix=None) -> list[np.ndarray]
     return list(out)
 
 
+def named(inp: StyleInput) -> np.ndarray:
+    """(n + 1, n + 1): 1 for the pairs of types that coefficient lines without numbers name: all, as soon as each type
+    is named with itself."""
+    given = {}
+    for line in inp.coeffs:
+        inp.numbers(line.words, [], line)
+        for pair in line.covers(inp.n_types):
+            given[pair] = (1.0,)
+    (on,) = fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))
+    return on
+
+
 def as_matrix(value, n_types: int, factor: float = 1.0) -> np.ndarray:
     """A number, or an (n, n) array for types 1..n, as an (n_types + 1, n_types + 1) table in internal units."""
     a = np.asarray(value, float) * factor

@@ -15,7 +15,7 @@ from .coulomb import cut_style
 from .coulomb_long import long_style
 from .lennard_jones import LennardJones, mix_lj
 from .pair import Pairs
-from .pair_input import fill, pair_values
+from .pair_input import named, pair_values
 from .registry import StyleInput, pair_style
 from .virtual_sites import FrameWithSites, Places
 
@@ -168,12 +168,7 @@ def _alone(name, long):
     def build(inp: StyleInput):
         line, cutoffs = _water(inp, inp.args)
         (rc,) = inp.numbers(cutoffs, [("cutoff", "length")])
-        given = {}
-        for coeff in inp.coeffs:
-            inp.numbers(coeff.words, [], coeff)
-            for pair in coeff.covers(inp.n_types):
-                given[pair] = (1.0,)
-        fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))
+        named(inp)
         return _coulomb(inp, line, rc, long)
 
     pair_style(name)(build)
