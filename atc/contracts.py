@@ -93,6 +93,11 @@ class Interactions(Protocol):
     learned: tuple[str, str, Mapping[str, Any]] | None = None
 
     @property
+    def needs_forces(self) -> bool:
+        """Whether some of its bonds depend on all other forces: constraints, and what virtual sites hand on."""
+        return self.constraints is not None or self.sites is not None
+
+    @property
     def local(self) -> Interactions:
         """What of it is bonds: itself without its fields."""
         return self

@@ -149,6 +149,12 @@ class Term:
         """The term itself, out of those that stand for it."""
         return self
 
+    def with_masses(self, names, masses, where: str):
+        """The same, with what its file says of the masses of elements, which its `map` gives types. where : the line
+        that named it"""
+        self.file_masses = self.map.masses(names, masses, where)
+        return self
+
     def covering(self, top: int) -> Term:
         """The term that acts in a frame whose types go up to `top`."""
         return self
@@ -514,9 +520,7 @@ class Potential(Interactions):
         whole = atoms_of(carriers)
         n = len(whole)
         frame = whole if constraints is None else constraints.released(whole)
-        # What constraints do, and what sites hand on, depends on all other forces.
-        needed = forces or constraints is not None or self.sites is not None
-        accs = [Accumulator(len(carriers), needed, energies, sources) for _ in range(threads)]
+        accs = [Accumulator(len(carriers), forces or self.needs_forces, energies, sources) for _ in range(threads)]
 
         def lane(term, work, stage, t):
             acc = accs[t]

@@ -123,8 +123,8 @@ def _fields(job, parts: dict) -> list[float]:
     if not work.bond_users or pot is None or not pot.fields:
         return []
     frame = pot.complete(frame)
-    if work.beyond_bonds or pot.constraints is not None:
-        forces = 3 * bool(work.force_users or pot.constraints is not None)
+    if work.beyond_bonds or pot.needs_forces:
+        forces = 3 * bool(work.force_users or pot.needs_forces)
         many = forces + bool(work.energy_users) + 6 * bool(work.atom_virial or "box_power" in work.whole)
         parts["energy and forces of the long-range part"] = sum(model.smooth(costs, t, frame, many) for t in pot.fields)
     main, tight = job.field_sums(), job.field_sums(tight=True)
