@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from ..estimators.planes import through_planes
+from ..grids.planes import through_planes
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 #: A rung that took less than this, CPU and wall seconds together, is run once more, and the better time counts: the

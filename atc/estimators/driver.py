@@ -14,6 +14,7 @@ import numpy as np
 
 from ..decomposers.virtual_sites import atoms_of
 from ..grids.curved import in_local_axes
+from ..grids.planes import through_planes
 from . import passes, planes, tiles
 from .accuracy.random_points import ZERO, extent_of, kernel_internal, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, StrongestBonds, StrongestOfFrames, error_of, summed_exactly
@@ -64,7 +65,7 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
             fields_of(frames, replace(settings, part=k), index, run_tiles) for k in range(len(settings.parts.labels))
         ]
         return of_parts(each)
-    if planes.through_planes(settings.grid):
+    if through_planes(settings.grid):
         return planes.of_frame(frames, settings, index, fields_of)
     more = {"parts": settings.part is not None, "velocity": settings.velocity, "churnless": settings.churnless}
     work = Work.of(settings.names, settings.central, **more)
@@ -288,9 +289,8 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
     work, settings, strongest, fields = run.work, run.settings, before.strongest, before.fields
     whole = settings.tiles is None
     bonds_alone = replace(settings, pot=settings.pot.local)
-    # Fields' energies and forces cost as much as their modes. Constraints and virtual sites depend on them.
-    held = settings.pot.constraints is not None or settings.pot.sites is not None
-    of_bonds = settings if work.beyond_bonds or held else bonds_alone
+    # Fields' energies and forces cost as much as their modes.
+    of_bonds = settings if work.beyond_bonds or settings.pot.needs_forces else bonds_alone
     deposit = here.grid.open(work.n_bond) if work.bond and whole else None
     seek = watch and strongest is None
     each, found = [], []

@@ -46,11 +46,6 @@ ABOUT = {
 }
 
 
-def through_planes(grid) -> bool:
-    """Whether sums on this grid are counted, without a kernel."""
-    return bool(getattr(grid, "counts_crossings", False))
-
-
 def require_countable(work: Work, pot, grid) -> None:
     """Raise AtcError for fields that do not flow through planes."""
     for q in work.quantities:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..errors import AtcError
+from ..grids.planes import through_planes
 from ..units import require_compatible
 from .columns import is_column
 from .columns import values as column_values
@@ -71,7 +72,7 @@ def require_with_sites(settings: Settings, work: Work) -> None:
     what = f"virtual sites ({settings.pot.sites.rule.describe()})"
     if settings.tiles is not None:
         raise AtcError(f"tiles: not with {what}: a tile does not have all forces on a molecule: leave tiles out")
-    if getattr(settings.grid, "counts_crossings", False):
+    if through_planes(settings.grid):
         raise AtcError(
             f"{', '.join(work.bond_users)}: not counted on planes where forces act on {what}, which no atom carries "
             "across: take a slab profile, or ask for stress_kinetic"

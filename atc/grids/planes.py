@@ -12,6 +12,11 @@ from ..errors import AtcError
 BELOW = 1e-9
 
 
+def through_planes(grid) -> bool:
+    """Whether sums on this grid are counted, without a kernel."""
+    return bool(getattr(grid, "counts_crossings", False))
+
+
 def checked(*, axis, positions, n, shift, patches, interval, numbers, counts) -> dict:
     """The parameters of such a grid; `numbers` and `counts` are the checks of the room. AtcError for what cannot be
     meant."""

@@ -16,11 +16,12 @@ from ..estimators import groups
 from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
 from ..estimators.moving import Follow
-from ..estimators.planes import BY_FRAMES, require_countable, through_planes, unneeded
+from ..estimators.planes import BY_FRAMES, require_countable, unneeded
 from ..estimators.registry import Work
 from ..estimators.selections import Parts, selection
 from ..estimators.settings import FrameResult, Settings
 from ..grids import Grid
+from ..grids.planes import through_planes
 from ..kernels.unsmoothed import Unsmoothed
 from .request import Request
 

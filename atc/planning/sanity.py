@@ -5,8 +5,9 @@ from __future__ import annotations
 import warnings
 
 from ..errors import AtcWarning
-from ..estimators.planes import Path, through_planes
+from ..estimators.planes import Path
 from ..estimators.requirements import require
+from ..grids.planes import through_planes
 from ..readers.plausible import doubts
 from .job import Job
 

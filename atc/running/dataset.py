@@ -8,9 +8,10 @@ import numpy as np
 
 from ..estimators.columns import is_column, label
 from ..estimators.field_pass import attributes
-from ..estimators.planes import ABOUT, counted_how, through_planes
+from ..estimators.planes import ABOUT, counted_how
 from ..estimators.registry import hidden
 from ..estimators.settings import FrameResult
+from ..grids.planes import through_planes
 from ..planning.job import Job, local_axes
 from .as_scene import scene_of
 from .output import Layout, Variable

@@ -14,10 +14,10 @@ from ..errors import AtcError, AtcWarning, logger
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
-from ..estimators.planes import through_planes
 from ..estimators.registry import QUANTITIES, hidden
 from ..estimators.settings import FrameResult
 from ..estimators.statistics import BlockAverage
+from ..grids.planes import through_planes
 from ..neighbors.verlet import anchor_of
 from ..planning.identity import changed_parts, frame_digest, identity
 from ..planning.job import Job, prepare
