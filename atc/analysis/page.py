@@ -6,13 +6,13 @@ The page holds everything it shows: no file, script or address is loaded with it
 
 from __future__ import annotations
 
-import os
 from html import escape
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import AtcError
+from ..running.whole import replacing
 from .html import document, facts, figure_of, table, warned_of
 
 #: What is drawn, as far as it is there: field, component, what is drawn over it.
@@ -82,14 +82,8 @@ def report(out, target=None, *, species=None, units=None, warned=(), title=None)
         text = twin_page(ds, title or str(ds.attrs.get("name", name)), warned)
     else:
         text = page(ds, title or name, species=species, warned=warned)
-    part = target.with_name(f".{target.name}.partial")
-    try:
+    with replacing(target) as part:
         part.write_text(text, encoding="utf-8")
-        os.replace(part, target)
-    except OSError as e:
-        raise AtcError(f"{target}: cannot be written: {e.strerror or e}") from None
-    finally:
-        part.unlink(missing_ok=True)
     return target
 
 

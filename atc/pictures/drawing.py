@@ -218,10 +218,7 @@ def picture_kind(path) -> str:
 
 def save(fig, path) -> Path:
     """Write a figure (.png, .pdf, .svg) atomically."""
-    import os
-
     path, kind = Path(path), picture_kind(path)
-    part = path.with_name(f".{path.name}.partial")
     # dates and software versions in the file would make equal pictures differ
     meta = {
         "png": {"Software": None},
@@ -230,12 +227,8 @@ def save(fig, path) -> Path:
     }[kind]
     import matplotlib as mpl
 
-    try:
-        with mpl.rc_context(STYLE):
-            fitted(fig).savefig(part, format=kind, metadata=meta)
-        os.replace(part, path)
-    except OSError as e:
-        raise AtcError(f"{path}: cannot be written: {e.strerror or e}") from None
-    finally:
-        part.unlink(missing_ok=True)
+    from ..running.whole import replacing
+
+    with replacing(path) as part, mpl.rc_context(STYLE):
+        fitted(fig).savefig(part, format=kind, metadata=meta)
     return path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -40,6 +39,7 @@ def write_movie(path, figures, rate: float = RATE) -> Path:
     """
     import matplotlib as mpl
 
+    from ..running.whole import replacing
     from .drawing import STYLE, fitted
 
     path = movie_path(path)
@@ -54,14 +54,8 @@ def write_movie(path, figures, rate: float = RATE) -> Path:
             fig.set_dpi(DPI)
             fig.canvas.draw()
             pages.append(np.asarray(fig.canvas.buffer_rgba())[..., :3].copy())
-    part = path.with_name(f".{path.stem}.partial{path.suffix}")
-    try:
+    with replacing(path) as part:
         (_write_gif if path.suffix.lower() == ".gif" else _write_mp4)(part, pages, rate)
-        os.replace(part, path)
-    except OSError as e:
-        raise AtcError(f"{path}: cannot be written: {e.strerror or e}") from None
-    finally:
-        part.unlink(missing_ok=True)
     return path
 
 

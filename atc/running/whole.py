@@ -1,4 +1,4 @@
-"""Datasets that are in memory when they are written: whole or not at all, every chunk with a checksum."""
+"""What is in memory when it is written: whole or not at all; datasets with a checksum of every chunk."""
 
 from __future__ import annotations
 
@@ -9,8 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import AtcError
 from .output import check_name, every_chunk, explained
 from .sealed import reserve, to_netcdf
+
+
+@contextlib.contextmanager
+def replacing(path: Path):
+    """The name to write a file under, which takes the place of `path` once all is written; AtcError where it cannot be,
+    and nothing is left behind then."""
+    part = path.with_name(f".{path.stem}.partial{path.suffix}")
+    try:
+        yield part
+        os.replace(part, path)
+    except OSError as e:
+        raise AtcError(f"{path}: cannot be written: {e.strerror or e}") from None
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def write_dataset(ds, path) -> None:
