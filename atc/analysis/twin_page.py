@@ -8,9 +8,9 @@ from html import escape
 import numpy as np
 
 from ..errors import AtcError
+from .accessor import VOIGT
 from .html import document, facts, figure_of, table, warned_of
 
-_VOIGT = ("xx", "yy", "zz", "yz", "xz", "xy")
 _WHERE = {
     "matter": "both have at least half of the crystal's density",
     "interior": "both have 95 % of it",
@@ -131,7 +131,7 @@ def _constants(ds) -> list[str]:
             if max(map(abs, values)) < 1e-6 * size:
                 continue
             off = 100 * (values[-1] / values[0] - 1) if abs(values[0]) > 1e-6 * size else np.nan
-            rows.append([f"C {_VOIGT[a]},{_VOIGT[b]}", *(f"{v:.5g}" for v in values), _percent(off)])
+            rows.append([f"C {VOIGT[a]},{VOIGT[b]}", *(f"{v:.5g}" for v in values), _percent(off)])
     head = [f"({unit})", *(h for h, _ in columns), "last against crystal, %"]
     note = "" if "elastic_nodes" in ds else "<p>The nodes carry the atoms, and with them the crystal's constants.</p>"
     return [table(rows, head, "Elastic constants along the run's axes", numbers=range(1, len(head))), note]

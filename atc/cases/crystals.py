@@ -13,7 +13,7 @@ import warnings
 import numpy as np
 
 from ..config.schema import SCHEMA as SCENE
-from ..config.schema import Key, _either, _list_of, _not_negative, _positive, _string, described
+from ..config.schema import Key, _either, _list_of, _not_negative, _number, _positive, _string, described
 from ..errors import AtcError, AtcWarning
 from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants
 
@@ -26,8 +26,6 @@ def _component(v):
     if isinstance(v, str):
         Formula(v, _LETTERS)
         return v
-    from ..config.schema import _number
-
     return _number(v)
 
 
@@ -139,19 +137,13 @@ def _crystal(case, k):
 
 def _axes(case, k):
     """(3, 3) rows: where the crystal's x, y, z point in the body."""
-    rows = case.data["material"][k].get("orient")
-    if rows is None:
-        return np.eye(3)
-    O = np.array(rows, float)
-    length = np.linalg.norm(O, axis=1)
-    unit = O / np.where(length > 0, length, 1.0)[:, None]
-    if not np.allclose(unit @ unit.T, np.eye(3), atol=1e-9) or np.linalg.det(unit) < 0:
-        raise case.bad(
-            ("material", str(k), "orient"),
-            "the crystal directions along x, y, z must be normal to each other and right-handed, e.g. [[1, 1, 0], [-1, "
-            "1, 0], [0, 0, 1]]",
-        )
-    return unit.T
+    from ..upscaling.crystal import axes_of
+
+    path = ("material", str(k), "orient")
+    return axes_of(
+        case.data["material"][k].get("orient"),
+        lambda why: case.bad(path, f"the crystal directions along x, y, z {why}"),
+    )
 
 
 class _InUnits:

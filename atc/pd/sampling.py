@@ -9,11 +9,11 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from ..frame import Cell
+from .voigt import to_voigt, unit_strain
 
 #: How far the moduli of nodes may be from those of the kernel they sample: beyond the first a warning, beyond the
 #: second an error.
 MODULI_WARN, MODULI_REFUSE = 0.02, 0.10
-_VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
 def long_waves(dynamical_matrix, model) -> np.ndarray:
@@ -75,14 +75,11 @@ def sampled_constants(
     )
     out = np.zeros((6, 6))
     for v in range(6) if components is None else components:
-        i, j = _VOIGT[v]
-        unit = np.zeros((3, 3))
-        unit[i, j] = unit[j, i] = 1.0 if i == j else 0.5
         stress = []
         for sign in (1, -1):
-            f = Simulation(body, material, strain=sign * strain * unit, threads=1).bond_forces()
+            f = Simulation(body, material, strain=sign * strain * unit_strain(v), threads=1).bond_forces()
             virial = -np.einsum("bi,bj->ij", f.r_bc, f.F_bc) / (volume * len(body))
-            stress.append(np.array([0.5 * (virial[a, b] + virial[b, a]) for a, b in _VOIGT]))
+            stress.append(to_voigt(0.5 * (virial + virial.T)))
         out[:, v] = (stress[0] - stress[1]) / (2 * strain)
     return out
 

@@ -67,15 +67,7 @@ def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
 
 def orientation(scene) -> np.ndarray:
     """(3, 3) rows: where the crystal's x, y, z point in the run, from the crystal directions along the run's axes."""
-    rows = scene.get("twin", "orient")
-    if rows is None:
-        return np.eye(3)
-    O = np.array(rows, float)
-    length = np.linalg.norm(O, axis=1)
-    unit = O / np.where(length > 0, length, 1.0)[:, None]
-    if not np.allclose(unit @ unit.T, np.eye(3), atol=1e-9) or np.linalg.det(unit) < 0:
-        raise AtcError(
-            f"{scene.where('twin', 'orient')}: [twin] orient: the crystal directions along the run's x, y, z must be "
-            "normal to each other and right-handed, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]"
-        )
-    return unit.T
+    from ..upscaling.crystal import axes_of
+
+    told = f"{scene.where('twin', 'orient')}: [twin] orient: the crystal directions along the run's x, y, z"
+    return axes_of(scene.get("twin", "orient"), lambda why: AtcError(f"{told} {why}"))

@@ -55,7 +55,7 @@ def add_nodes(data, units, made, md_tnc, pd_tnc, classical_tnc=None) -> None:
 
 def tensor_of(C_vv) -> np.ndarray:
     """(3, 3, 3, 3) C_ijkl of constants in Voigt's notation."""
-    from ..upscaling.crystal import VOIGT
+    from ..pd.voigt import VOIGT
 
     C = np.empty((3, 3, 3, 3))
     for a, (i, j) in enumerate(VOIGT):

@@ -11,7 +11,8 @@ from itertools import permutations, product
 import numpy as np
 
 from ..errors import AtcError
-from .crystal import VOIGT, Crystal, evaluate, response
+from ..pd.voigt import VOIGT
+from .crystal import Crystal, evaluate, response
 from .deformed_crystals import DeformedCrystals
 
 #: How far a polynomial's stress may be from the crystal's, relative to the linear stress of the same strain.

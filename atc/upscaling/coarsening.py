@@ -21,7 +21,8 @@ from itertools import combinations_with_replacement, product
 import numpy as np
 
 from ..errors import AtcError
-from .crystal import VOIGT, Crystal
+from ..pd.voigt import VOIGT
+from .crystal import Crystal
 from .elasticity import ElasticConstants
 from .force_constants import ForceConstants, nearest_images, signed_root
 from .node_kernel import NodeKernel, family, fit_springs, measure, wanted_moments

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Cell, Frame
+from ..pd.voigt import to_voigt, unit_strain
 from ..units import Units, units
 
 #: Conventional cubic cells: fractional positions of the basis and primitive vectors in units of the lattice constant.
@@ -261,22 +262,17 @@ def _ase_atoms(frame: Frame):
     return Atoms(symbols, frame.positions, cell=frame.cell.vectors, pbc=True, masses=frame.masses)
 
 
-#: The six symmetric unit strains, Voigt order xx yy zz yz xz xy; shear strains have 1/2 at both places (engineering
-#: strain 1).
-VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-
-
-def unit_strain(v: int) -> np.ndarray:
-    """The strain tensor of Voigt component v: shears with ½ on either side."""
-    e = np.zeros((3, 3))
-    i, j = VOIGT[v]
-    e[i, j] = e[j, i] = 1.0 if i == j else 0.5
-    return e
-
-
-def to_voigt(tensor) -> np.ndarray:
-    """The six components of a symmetric (3, 3)."""
-    return np.array([tensor[i, j] for i, j in VOIGT])
+def axes_of(directions, complain) -> np.ndarray:
+    """(3, 3) rows: where the crystal's x, y, z point, from the crystal directions along the three axes of a body; None:
+    along these. complain(why) makes the error for directions that are not normal to each other and right-handed."""
+    if directions is None:
+        return np.eye(3)
+    O = np.array(directions, float)
+    length = np.linalg.norm(O, axis=1)
+    unit = O / np.where(length > 0, length, 1.0)[:, None]
+    if not np.allclose(unit @ unit.T, np.eye(3), atol=1e-9) or np.linalg.det(unit) < 0:
+        raise complain("must be normal to each other and right-handed, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]")
+    return unit.T
 
 
 @dataclass

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import AtcError
-from .crystal import VOIGT, Crystal, response
+from ..pd.voigt import VOIGT
+from .crystal import Crystal, response
 
 
 @dataclass

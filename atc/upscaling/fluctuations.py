@@ -16,7 +16,8 @@ from itertools import permutations, product
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from .crystal import VOIGT, Crystal
+from ..pd.voigt import VOIGT
+from .crystal import Crystal
 from .elasticity import ElasticConstants
 from .force_constants import ForceConstants, nearest_images
 from .vibrations import amplitudes, jackknife

@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError
-from .crystal import VOIGT
+from ..pd.voigt import VOIGT
 from .elasticity import ElasticConstants
 from .force_constants import ForceConstants, nearest_images, signed_root
 
