@@ -8,7 +8,7 @@ import numpy as np
 
 from .methods import EXACT
 
-#: What the kernel may lack far out in sums of φ², of the tolerance.
+#: What sums of φ² may lack of the share 1/N that they are for, of the tolerance.
 SQUARES = 0.1
 #: How much closer sums of φ² are taken by their modes: what they correct grows by 1/(1 - 1/N), and its errors with it.
 CLOSER_SQUARES = 0.1
@@ -77,15 +77,15 @@ class Deposits:
         self.add_sites(deposit, self.place(x_nc), a_nk)
         return deposit.site_sums()
 
-    def squares(self, x_nc, a_nk, beyond: float = 0.0) -> np.ndarray:
-        """(g, k) Σ a φ² over all atoms; on slabs of what they count in the average. beyond : how much of its integral
-        the kernel may lack far out, where that makes the sum quicker"""
+    def squares(self, x_nc, a_nk, below: float = 0.0) -> np.ndarray:
+        """(g, k) Σ a φ² over all atoms; on slabs of what they count in the average. below : where the kernel is smaller
+        it may be left out, if that makes the sum quicker; `Σ φ φ` then lacks no more than below Σ φ"""
         from ..deposit import make
         from ..deposit.gradient import gather
 
-        found = None if self.bound.kind == "slab" else squared_kernel(self.summed_kern, self.cell)
+        kern = self.summed_kern.above(below) if below > 0.0 else self.summed_kern
+        found = None if self.bound.kind == "slab" else squared_kernel(kern, self.cell)
         if found is None:
-            kern = self.summed_kern.cut(beyond) if beyond else self.summed_kern
             return gather(self.bound, kern, self.cell, self.place(x_nc), a_nk, None, False, self.threads, True)[0]
         factor, kern = found
         m = self.methods.get("site", EXACT)

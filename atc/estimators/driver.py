@@ -356,9 +356,11 @@ def frame_sums(
                     "thermal_all_shifted": None,
                 }
                 if work.squares:
-                    # They say by how much thermal motion is corrected: a share 1/N of it.
-                    beyond = SQUARES * settings.tolerance if at == 0 else 0.0
-                    new[at]["squared"] = passes.squares_pass(frame, work, deposits, factors, beyond)
+                    # They say by how much thermal motion is corrected: a share 1/N = Σ φ²/n² of it, n the number
+                    # density.
+                    least = Sums(new[at]["site"]).all_number.min(initial=np.inf)
+                    below = SQUARES * settings.tolerance * least if at == 0 else 0.0
+                    new[at]["squared"] = passes.squares_pass(frame, work, deposits, factors, below)
     for key, needed, one_pass in (
         ("gather", work.gather, lambda: passes.gather_pass(frame, settings, work, here, factors)),
         (

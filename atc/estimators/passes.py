@@ -348,11 +348,11 @@ def site_pass(frame, work: Work, deposits: Deposits, factors: AtomFactors) -> di
 
 
 def squares_pass(
-    frame, work: Work, deposits: Deposits, factors: AtomFactors, beyond: float = 0.0
+    frame, work: Work, deposits: Deposits, factors: AtomFactors, below: float = 0.0
 ) -> dict[str, np.ndarray]:
-    """Σ a φ² of what is named in `Work.squares`, at one set of points; `beyond` as of `Deposits.squares`."""
+    """Σ a φ² of what is named in `Work.squares`, at one set of points; `below` as of `Deposits.squares`."""
     a_nk, some = factors.columns(work.squares), factors.some
-    sums = deposits.squares(frame.positions[some], np.ascontiguousarray(a_nk[some]), beyond)
+    sums = deposits.squares(frame.positions[some], np.ascontiguousarray(a_nk[some]), below)
     return by_name(work.squares, SITE, sums)
 
 

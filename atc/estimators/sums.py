@@ -15,8 +15,8 @@ from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
 from .tensors import full, general, quotient
 
-#: A number density n − Σ m φ²/ρ below this share of n is that of an atom alone, but for rounding.
-LONE = 1e-9
+#: A number density n − Σ m φ²/ρ below this share of n is that of an atom alone: it is known to 1e-13 of n or so.
+LONE = 1e-6
 
 
 @dataclass

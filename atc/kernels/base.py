@@ -236,6 +236,10 @@ class Kernel:
         """The kernel without its outermost part, of at most so much of its integral, if that makes sums quicker."""
         return self
 
+    def above(self, value: float) -> Kernel:
+        """The kernel without the part far out that is below a value, if that makes sums quicker."""
+        return self
+
     # --- words
     def describe(self) -> str:
         """One line: name and lengths."""

@@ -65,7 +65,17 @@ class Gaussian(Kernel):
         return _COMPILED
 
     def cut(self, beyond):
-        return CutGaussian(self.width, beyond, self.dimension)
+        from scipy.special import gammaincinv
+
+        # ∫ beyond r of the normalised Gaussian is 1 − P(d/2, r²/2w²).
+        reach = self.width * float(np.sqrt(2.0 * gammaincinv(0.5 * self.dimension, 1.0 - beyond)))
+        # The bond function's series need not go further than that either.
+        return CutGaussian(self.width, min(self.support, reach), max(1e-3 * beyond, self.accuracy), self.dimension)
+
+    def above(self, value):
+        ratio = value / self.peak
+        reach = self.width * sqrt(-2.0 * log(min(ratio, 1.0))) if ratio > GAUSSIAN_CUT else self.support
+        return CutGaussian(self.width, min(self.support, reach), self.accuracy, self.dimension)
 
     def scaled(self, factor):
         return self if factor == 1.0 else Gaussian(self.width * factor, self.dimension)
@@ -87,7 +97,8 @@ class Gaussian(Kernel):
 
     def squared(self):
         # exp(−r²/2w²)² is the Gaussian of width w/√2, whose integral over space is (2 √π w)^−d.
-        return (2.0 * sqrt(pi) * self.width) ** -self.dimension, Gaussian(self.width / sqrt(2.0), self.dimension)
+        narrow = CutGaussian(self.width / sqrt(2.0), self.support, self.accuracy, self.dimension)
+        return (2.0 * sqrt(pi) * self.width) ** -self.dimension, narrow
 
     def hat(self, k):
         return np.exp(-0.5 * (np.sqrt((np.asarray(k, float) ** 2).sum(-1)) * self.width) ** 2)
@@ -97,17 +108,11 @@ class Gaussian(Kernel):
 
 
 class CutGaussian(Gaussian):
-    """A Gaussian cut where what lies beyond is a given fraction of its mass: enough to measure an error far larger than
-    that."""
+    """A Gaussian cut at `support`."""
 
-    def __init__(self, width, beyond, dimension=3):
+    def __init__(self, width, support, accuracy=Gaussian.accuracy, dimension=3):
         super().__init__(width, dimension)
-        from scipy.special import gammaincinv
-
-        # ∫ beyond r of the normalised Gaussian is 1 − P(d/2, r²/2w²).
-        self._support = min(super().support, width * float(np.sqrt(2.0 * gammaincinv(0.5 * dimension, 1.0 - beyond))))
-        # The bond function's series need not go further than that either.
-        self.accuracy = max(1e-3 * beyond, Gaussian.accuracy)
+        self._support, self.accuracy = support, accuracy
 
     @property
     def support(self):

@@ -371,9 +371,10 @@ def squares(costs: Costs, bound, kern, cell, items: float, components: int, meth
     from ..deposit import make
     from ..estimators.deposits import CLOSER_SQUARES, SQUARES, squared_kernel
 
+    kern = kern.cut(SQUARES * tolerance)
     found = None if bound.kind == "slab" else squared_kernel(kern, cell)
     if found is None:
-        return gather(costs, bound, kern.cut(SQUARES * tolerance), items, 0.0, components)
+        return gather(costs, bound, kern, items, 0.0, components)
     if method.exact:
         return direct(costs, bound, found[1], items, 0.0, components)
     deposit = make(method.name, bound, found[1], cell, components, 0, 1, CLOSER_SQUARES * method.tolerance)

@@ -12,7 +12,7 @@ import atc
 from atc.deposit import exact_at, make
 from atc.errors import AtcError
 from atc.frame import Cell
-from atc.kernels import CutGaussian, Gaussian
+from atc.kernels import Gaussian
 from atc.units import units
 
 METAL = units("metal")
@@ -272,7 +272,7 @@ def test_a_box_far_from_the_origin_loses_nothing():
 def test_gaussian_of_long_and_short_bonds_side_by_side(beyond, count):
     """Four pairs at a time, of any bonds: each β is as exact as was asked for, far out in the tail too."""
     rng = np.random.default_rng(5)
-    kern = Gaussian(1.3) if beyond is None else CutGaussian(1.3, beyond)
+    kern = Gaussian(1.3) if beyond is None else Gaussian(1.3).cut(beyond)
     # Open, around 0: positions are taken as they are, not rounded by where the cell begins.
     cell = Cell([64.0] * 3, periodic=(False, False, False))
     length = np.concatenate([[0.0, 1e-200, 1e-12, 1e-3], rng.uniform(0.1, 8.0, 60)])
