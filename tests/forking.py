@@ -96,7 +96,13 @@ def _count_changes(at):
     return count
 
 
+_SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+
+
 def _child(what, said) -> None:
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_DFL)  # as the command's entry point leaves them
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     os.chdir(what["cwd"])
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     for descriptor, name in ((1, "out"), (2, "err")):
@@ -106,8 +112,6 @@ def _child(what, said) -> None:
     for limit, most in ((resource.RLIMIT_AS, what["memory"]), (resource.RLIMIT_FSIZE, what["file"])):
         if most:
             resource.setrlimit(limit, (most,) * 2)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)  # as the command's entry point leaves them
     count = _count_changes(what["at"])
     status = _command(what["arguments"])
     sys.stdout.flush()
@@ -134,6 +138,7 @@ def _main() -> None:
             else:
                 for file in said.values():
                     Path(file).write_text("")  # nothing of the one before
+                signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
                 child = os.fork()
                 if child == 0:
                     try:
@@ -142,6 +147,7 @@ def _main() -> None:
                         traceback.print_exc()
                     finally:
                         os._exit(70)
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
                 when = [(began + what["limit"], signal.SIGKILL)]
                 if what["after"] is not None:
                     when.append((began + what["after"], what["number"]))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite, sqrt
 from typing import Protocol
 
@@ -257,16 +258,15 @@ class Kernel:
         rows = [(k, f"{v:.12g}" if np.isscalar(v) else v) for k, v in self.parameters.items()]
         return html_table(f"kernel {self.name}", [*rows, ("reaches", f"{self.support:.6g}")])
 
+    @cached_property
+    def _key(self) -> tuple:
+        return self.name, self.dimension, str(self.parameters)
+
     def __eq__(self, other):
-        return (
-            isinstance(other, Kernel)
-            and self.name == other.name
-            and self.dimension == other.dimension
-            and str(self.parameters) == str(other.parameters)
-        )
+        return self is other or (isinstance(other, Kernel) and self._key == other._key)
 
     def __hash__(self):
-        return hash((self.name, self.dimension, str(self.parameters)))
+        return hash(self._key)
 
 
 class Family(Protocol):

@@ -27,6 +27,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass, field, fields
+from functools import lru_cache
 from math import ceil, exp, pi
 from pathlib import Path
 
@@ -422,20 +423,22 @@ def points_each(deposit, length: float) -> float:
     moments atoms carry."""
     if length <= 0:
         return 1.0
-    return sum(
-        0.0 if _collapses(deposit, length, part) else deposit.points_of(length * part) for part in _LENGTHS
-    ) / len(_LENGTHS)
+    on_bonds = [part for part, yes in zip(_LENGTHS, _collapse(deposit, length)) if not yes]
+    return sum(deposit.points_of(length * part) for part in on_bonds) / len(_LENGTHS)
 
 
 def collapsed(deposit, length: float) -> float:
     """Which part of the bonds atoms carry as moments."""
-    return sum(_collapses(deposit, length, part) for part in _LENGTHS) / len(_LENGTHS)
+    return sum(_collapse(deposit, length)) / len(_LENGTHS)
 
 
-def _collapses(deposit, length: float, part: float) -> bool:
-    """Forces fall off with the distance: a bond's share of the stress is taken to go with its length to the power −4
-    (argon between 4 and 8 Å: −5)."""
-    return deposit.order is not None and deposit.collapses(length * part, part**-4)
+@lru_cache(maxsize=1)
+def _collapse(deposit, length: float) -> tuple[bool, ...]:
+    """Whether bonds of each of the lengths do. Forces fall off with the distance: a bond's share of the stress is taken
+    to go with its length to the power −4 (argon between 4 and 8 Å: −5)."""
+    if deposit.order is None:
+        return (False,) * len(_LENGTHS)
+    return tuple(deposit.collapses(length * part, part**-4) for part in _LENGTHS)
 
 
 def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) -> float:

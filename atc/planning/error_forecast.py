@@ -62,9 +62,14 @@ class ErrorForecast:
         component."""
         if not len(self.few[0]) or not self.largest > 0:
             return 1.0
+        at_random = self.at_random(deposit.tolerance)
         error_g = error_map(deposit, make("direct", self.bound, self.kern, self.cell, 0, 1), self.few, self.typical)
         # The strongest bonds' largest error and that of all the others are hardly ever at the same point.
-        return float(np.hypot(error_g.max(initial=0.0), PART * PEAK * deposit.tolerance * self.noise)) / self.largest
+        return float(np.hypot(error_g.max(initial=0.0) / self.largest, at_random))
+
+    def at_random(self, tolerance: float) -> float:
+        """What of `error` all but the strongest bonds make, by a deposit of this tolerance: no pass over the grid."""
+        return PART * PEAK * tolerance * self.noise / self.largest if self.largest > 0 else 1.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -79,7 +84,7 @@ def _add(r_bc, G_b, totals):
 
 def roughness(kern) -> float:
     """∫ φ² dV (dA in the plane) of a kernel: what the variance of a field of independent sources is proportional to."""
-    k = (np.arange(4000) + 0.5) * (0.05 / kern.radius)
+    k = (np.arange(400) + 0.5) * (0.5 / kern.radius)
     dk = k[1] - k[0]
     along = [kern.hat(k[:, None] * axis) for axis in np.eye(3)[: kern.dimension]]
     if not kern.is_isotropic:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from ..errors import AtcError
+from ..estimators.accuracy.strongest_bonds import WATCHED
 from ..estimators.methods import EXACT, Method
 from .costs import Costs, Load, collapsed, direct, gather, points_each, spectral, spectral_memory
 
@@ -35,6 +36,8 @@ SEARCH, WATCH = (3e-3, 0.035), (0.028, 5e-8, 0.15)
 #: busy machines spreading on large meshes took three times as long as foreseen), and a looser tolerance must never be
 #: dearer than the exact sum.
 WORTH = 0.6
+#: What of a run's time a forecast's pass over the bonds and its first mesh may take; all of it takes twice that.
+LOOK = 0.01
 #: Bytes that meshes may take.
 MOST_MEMORY = 4e9
 
@@ -203,7 +206,7 @@ def _one(
     if exact < CHEAP or allowed <= 0.0:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
 
-    start = closer * tolerance if look is None else _start(tolerance, ways, exact, allowed, look)
+    start = closer * tolerance if look is None else _start(tolerance, ways, exact, allowed, look, n_frames)
     try:
         fast = ways.cost(start)
     except AtcError as e:
@@ -255,6 +258,11 @@ class _Spectral:
         """A deposit by points for one component."""
         return spectral_deposit(self.bound, self.kern, self.cell, 1, t, gradients=self.gradients)
 
+    def error_seconds(self, t) -> float:
+        """CPU seconds of what the few strongest bonds' error is found by: their sums in two ways."""
+        some = WATCHED, self.length, 1
+        return spectral(self.costs, self.empty(t), *some) + direct(self.costs, self.bound, self.kern, *some)
+
     def cost(self, t) -> float:
         """CPU seconds; an AtcError where its mesh is too large."""
         seconds, deposit = self._best(t)
@@ -298,23 +306,30 @@ def adjusted(
         return method
 
 
-def _start(tolerance, ways, exact, allowed, look) -> float:
+def _start(tolerance, ways, exact, allowed, look, n_frames) -> float:
     """The loosest tolerance of the spectral method that the forecast expects to be enough, if a forecast is worth its
     while. allowed : seconds that the sum may take."""
+    if look.seconds > LOOK * exact * n_frames:
+        return tolerance
     ladder, any_way, ways = _loose(tolerance), ways, ways.by_points
     if not ladder:
         return tolerance
     try:
         loosest = ways.cost(ladder[0])
+        seconds = look.seconds + ways.error_seconds(ladder[0])
     except AtcError:
         return tolerance
     try:
         tight = min(ways.cost(tolerance), exact)
     except AtcError:
         tight = exact
-    if tight - loosest < 2.0 * look.seconds or (loosest >= allowed and any_way.cost(ladder[0]) >= allowed):
+    dear = 2.0 * seconds > tight - loosest or seconds > LOOK * tight * n_frames
+    if dear or (loosest >= allowed and any_way.cost(ladder[0]) >= allowed):
         return tolerance
-    forecast, at_most = look.make(), ladder[0]
+    forecast = look.make()
+    # No more than what the many bonds' errors at random allow.
+    at_random = forecast.at_random(tolerance) / tolerance
+    at_most = max(min(ladder[0], FORECAST_AIM * tolerance / max(at_random, 1e-300)), tolerance)
     for t in [*ladder, tolerance]:
         if t > at_most * (1 + 1e-9):
             continue

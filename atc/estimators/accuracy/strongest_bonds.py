@@ -59,10 +59,14 @@ class StrongestBonds:
 
     def add(self, bonds, thread):
         if bonds.F_bc is None:
-            k, keys, total = _above(self.x_nc, bonds.i, bonds.r_bc, np.abs(bonds.G_b), True, self._floor[thread])
+            size_b = np.abs(bonds.G_b) * np.einsum("bc,bc->b", bonds.r_bc, bonds.r_bc)
         else:
             size_b = np.linalg.norm(bonds.F_bc, axis=1) * np.linalg.norm(bonds.r_bc, axis=1)
-            k, keys, total = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, False, self._floor[thread])
+        floor = self._floor[thread]
+        if floor == 0.0 and len(size_b) > 2 * self.most:
+            # As many have at least this size, and a key that is no smaller.
+            floor = float(np.partition(size_b, -self.most)[-self.most]) * (1.0 - 1e-12)
+        k, keys, total = _above(self.x_nc, bonds.i, bonds.r_bc, size_b, floor)
         self._sizes[thread] += total, len(bonds)
         if not len(k):
             return
@@ -174,15 +178,13 @@ def nearest_image(d, cell):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _above(x_nc, i, r_bc, size_b, squared, floor):
+def _above(x_nc, i, r_bc, size_b, floor):
     """Indices and keys of the bonds whose key is above `floor`; the sum of all sizes. Equal bonds, as in a crystal, get
     keys that differ a little, by where they are."""
     n, total = 0, 0.0
     which, keys = np.empty(len(i), np.int64), np.empty(len(i))
     for b in range(len(i)):
         size = size_b[b]
-        if squared:
-            size *= r_bc[b, 0] * r_bc[b, 0] + r_bc[b, 1] * r_bc[b, 1] + r_bc[b, 2] * r_bc[b, 2]
         total += size
         if size * 1.01 <= floor or size == 0.0:
             continue
