@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 #: Raised whenever a change of the package changes numbers (beyond rounding): outputs begun before are not continued.
-RESULTS = 8
+RESULTS = 9
 
 #: What a frame's digest is made of, in this order.
 PARTS = (

@@ -323,7 +323,7 @@ def _start(tolerance, ways, exact, allowed, look, n_frames) -> float:
         tight = min(ways.cost(tolerance), exact)
     except AtcError:
         tight = exact
-    dear = 2.0 * seconds > tight - loosest or seconds > LOOK * tight * n_frames
+    dear = 2.0 * look.seconds > tight - loosest or seconds > LOOK * tight * n_frames
     if dear or (loosest >= allowed and any_way.cost(ladder[0]) >= allowed):
         return tolerance
     forecast = look.make()

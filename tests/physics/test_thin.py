@@ -1,10 +1,12 @@
 """Where few atoms are in reach: temperature and kinetic pressure of a dilute gas come out at their true values."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 import atc
-from atc.errors import AtcError
+from atc.errors import AtcError, AtcWarning
 from atc.frame import Cell, Frame
 from atc.units import units
 
@@ -75,6 +77,27 @@ def test_other_kernels_and_grids(grid, name):
     t, e = ds.temperature.values[0], ds.temperature_stderr.values[0]
     assert abs(z(t, e, T)) < 4
     assert ds.temperature.attrs["error_max"] < 1e-10
+
+
+@pytest.mark.parametrize("method", ["direct", "auto"])
+@pytest.mark.parametrize("grid", ["line", "regular"])
+def test_two_atoms_have_one_temperature_however_far_away(method, grid):
+    """Unbiased, the temperature of two atoms is the same at every point, to where the kernel ends or only one of them
+    is left; never that of one."""
+    u = units("metal")
+    v = np.array([[1.0, 0.5, 0.0], [-1.0, 2.0, 3.0]])
+    x = np.array([[19.0, 20.0, 20.0], [21.0, 20.0, 20.0]])
+    frame = Frame(x, Cell([40.0] * 3, periodic=(False,) * 3), u, masses=np.full(2, 40.0), velocities=v)
+    where = atc.Grid.line([20.0, 20.0, 20.0], [20.0, 20.0, 40.0], 160)
+    if grid == "regular":
+        where = atc.Grid.regular(shape=(9, 8, 24))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AtcWarning)
+        ds = atc.fields([frame], None, atc.kernel("gaussian", width=2.0), where, ["temperature"], 1e-6, method=method)
+    t = ds.temperature.values.ravel()
+    T2 = u.to_user("temperature", 0.5 * 40.0 * ((v[0] - v[1]) ** 2).sum() / (3 * u.boltzmann))
+    seen = t[np.isfinite(t)]
+    assert len(seen) > 60 and np.abs(seen / T2 - 1).max() < 1e-5
 
 
 def test_species_are_unbiased_and_add_up():
