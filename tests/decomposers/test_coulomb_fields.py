@@ -166,7 +166,7 @@ def test_plan_and_output_say_what_the_modes_are_taken_on():
     assert attrs["coulomb_alpha"] == pytest.approx(pot.fields[0].split.alpha)
     assert attrs["coulomb_cutoff"] < 5.0 and attrs["coulomb_precision"] == "single"
     mesh, nodes = " x ".join(map(str, attrs["coulomb_mesh"])), attrs["coulomb_nodes"]
-    assert f"mesh {mesh}, {nodes} nodes, single precision, {9 + 8 * nodes} transforms" in line
+    assert f"mesh {mesh}, {nodes} nodes, single precision, {9 + 14 * nodes} transforms" in line
     assert 0 < attrs["measured_error"] < 1e-4
 
 

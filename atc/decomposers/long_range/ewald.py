@@ -161,7 +161,7 @@ class LongRangeCoulomb(Term):
 
     def transforms(self, kinds, nodes: int) -> int:
         """How many transforms `Products` makes for some kinds of sums."""
-        each = {"stress": (9, 8), "power": (11, 22), "power_lab": (11, 22)}
+        each = {"stress": (9, 14), "power": (10, 31), "power_lab": (10, 31)}
         return sum(each[k][0] + each[k][1] * nodes for k in kinds)
 
     def products(self, frame, layout, threads: int):

@@ -17,6 +17,7 @@ confuses no modes that matter: those of the charges go up to m_a + m_Q, the fiel
 
 from __future__ import annotations
 
+from itertools import chain
 from math import pi, sqrt
 
 import numpy as np
@@ -29,6 +30,8 @@ from .transform import Transform, box_modes, good_length, largest_of, wave_vecto
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 # Real arrays on the mesh that there are at the same time, and the bytes that they may take.
 ARRAYS, LARGEST = 16, 6.0e9
+# Bytes of the planes of the mesh that products are taken on at a time: about what a cache holds.
+PART = 2.0**24
 #: Tolerances of fields from which on their products may be in single precision: smoothing averages what it rounds.
 SINGLE = 1e-5
 MOST_NODES = 24
@@ -109,8 +112,43 @@ class Products:
         F = fft.fft(F, axis=0, norm="forward", workers=self.threads)[self.q_index[0]]
         return F.astype(complex) * self.volume
 
+    def _products(self, fields, form, n: int) -> np.ndarray:
+        """(n, q0, q1, q2) the modes of the n products that `form` makes of fields on the mesh, a few planes of it at a
+        time: there is never a whole field on it.
+
+        fields : iterable of their modes. form : (f, planes, n1, n2) -> iterable of n (planes, n1, n2)
+        """
+        from scipy import fft
+
+        n0, n1, n2 = (int(n) for n in self.counts)
+        index, q = self.index, self.q_index
+        G_f = []
+        for F in fields:
+            G = np.zeros((n0, *F.shape[1:]), self.complex)
+            G[index[0]] = F
+            G_f.append(fft.ifft(G, axis=0, norm="forward", overwrite_x=True, workers=self.threads))
+            del F, G
+        out = np.empty((n, n0, len(q[1]), len(q[2])), self.complex)
+        step = max(1, int(PART / (np.dtype(self.complex).itemsize * len(G_f) * n1 * n2)))
+        for planes in (slice(k, k + step) for k in range(0, n0, step)):
+            H = np.zeros((len(G_f), len(G_f[0][planes]), n1, len(index[2])), self.complex)
+            for to, G in zip(H, G_f):
+                to[:, index[1]] = G[planes]
+            H = fft.ifft(H, axis=2, norm="forward", overwrite_x=True, workers=self.threads)
+            f = fft.irfft(H, n=n2, axis=3, norm="forward", workers=self.threads)
+            f /= self.volume
+            for to, part in zip(out, form(f)):
+                F = fft.rfft(part, axis=2, norm="forward", workers=self.threads)[:, :, q[2]]
+                to[planes] = fft.fft(F, axis=1, norm="forward", workers=self.threads)[:, q[1]]
+        del G_f
+        return fft.fft(out, axis=1, norm="forward", workers=self.threads)[:, q[0]].astype(complex) * self.volume
+
     def _smear(self, tau):
         return np.exp(-0.5 * self.s * tau * self.k2)
+
+    def _slope(self, F):
+        """Modes of the gradient."""
+        return (1j * k * F for k in self.k_c)
 
     def _gradient(self, F):
         return [self._real(1j * k * F) for k in self.k_c]
@@ -118,32 +156,32 @@ class Products:
     # --- stress
     def stress(self) -> np.ndarray:
         """(6, q0, q1, q2) xx, yy, zz, yz, xz, xy; tension positive, energy."""
-        sigma = [np.empty(self.counts, self.real) for _ in PAIRS]
-        E = self._gradient(-self.potential * self._smear(1.0) * self.rho)
-        for out, (a, b) in zip(sigma, PAIRS):
-            np.multiply(E[a], E[b], out=out)
-            out /= self.c
-        trace = -0.5 * (sigma[0] + sigma[1] + sigma[2])
-        for t, weight in self.rule:
-            weight *= 0.5 * self.s
-            rho, wide = self._smear(t) * self.rho, self._smear(2.0 - t) * self.rho
-            E = self._gradient(-self.potential * wide)
-            slope = self._gradient(rho)
-            for out, (a, b) in zip(sigma, PAIRS):
-                part = E[a] * slope[b]
-                part += part if a == b else E[b] * slope[a]
+
+        def maxwell(E):
+            trace = -0.5 * (E * E).sum(0)
+            for a, b in PAIRS:
+                part = E[a] * E[b]
                 if a == b:
-                    trace += (0.5 * weight) * part
-                part *= weight
-                out -= part
-            # ∇·E = c ρ, but for the mean of ρ, which is 0.
-            part = self._real(rho)
-            part *= self._real(wide)
-            part *= weight * self.c
-            trace += part
-        for out in sigma[:3]:
-            out += trace
-        modes = np.stack([self._modes(out) for out in sigma])
+                    part += trace
+                yield part
+
+        modes = self._products(self._slope(-self.potential * self._smear(1.0) * self.rho), maxwell, 6) / self.c
+        for t, weight in self.rule:
+            rho, wide = self._smear(t) * self.rho, self._smear(2.0 - t) * self.rho
+
+            def smeared(f):
+                E, slope = f[:3], f[3:6]
+                # ∇·E = c ρ, but for the mean of ρ, which is 0.
+                trace = self.c * f[6] * f[7] + (E * slope).sum(0)
+                for a, b in PAIRS:
+                    part = E[a] * slope[b]
+                    part += part if a == b else E[b] * slope[a]
+                    if a == b:
+                        part -= trace
+                    yield part
+
+            fields = chain(self._slope(-self.potential * wide), self._slope(rho), (rho, wide))
+            modes -= (0.5 * self.s * weight) * self._products(fields, smeared, 6)
         E0 = self.term.bare_field(self.frame)
         if E0:
             self._add_slab(modes, E0)
@@ -179,36 +217,37 @@ class Products:
         J = self.transform.modes(self.frame.positions, self.frame.charges[:, None] * v_nc).astype(self.complex)
         mean = J[:, 0, 0, 0].real.copy()
         J[:, 0, 0, 0] = 0.0
-        A = [np.zeros(self.counts, self.real) for _ in range(3)]
+        k = self.k_c
 
-        def bracket(v, W, weight):
-            """A += weight (−v×(∇×W) − (∇·W) v), W by its modes."""
-            k = self.k_c
-            div = self._real(sum(1j * k[a] * W[a] for a in range(3)))
-            for a in range(3):
-                A[a] -= weight * div * v[a]
+        def curl(f):
+            """−v×(∇×W) − (∇·W) v of v (3), ∇×W (3) and ∇·W."""
+            v, w, div = f[:3], f[3:6], f[6]
             for a in range(3):
                 b, d = (a + 1) % 3, (a + 2) % 3
-                curl = self._real(1j * (k[b] * W[d] - k[d] * W[b]))
-                # (v × curl) has curl's component a in d (with v_b) and, with the other sign, in b (with v_d).
-                A[d] += weight * v[b] * curl
-                A[b] -= weight * v[d] * curl
+                yield v[d] * w[b] - v[b] * w[d] - div * v[a]
+
+        def bracket(potential, W):
+            """[∇potential, W], both by their modes."""
+            turn = (1j * (k[b] * W[d] - k[d] * W[b]) for b, d in ((1, 2), (2, 0), (0, 1)))
+            return self._products(
+                chain(self._slope(potential), turn, (sum(1j * q * w for q, w in zip(k, W)),)), curl, 3
+            )
+
+        def carried(f):
+            """ρ_t J_{2−t} + ρ_{2−t} J_t."""
+            return (f[0] * f[2 + a] + f[1] * f[5 + a] for a in range(3))
 
         g, U = self._smear(1.0), self.potential
-        bracket(self._gradient(U * g * self.rho), [U * g * j for j in J], 0.5 / self.c)
+        modes = (0.5 / self.c) * bracket(U * g * self.rho, U * g * J)
         for t, weight in self.rule:
-            weight *= 0.25 * self.s
             near, wide = self._smear(t), self._smear(2.0 - t)
-            bracket(self._gradient(near * self.rho), [U * wide * j for j in J], weight)
-            bracket(self._gradient(U * wide * self.rho), [near * j for j in J], weight)
-            a, b = self._real(near * self.rho), self._real(wide * self.rho)
-            for out, j in zip(A, J):
-                out -= (weight * self.c) * (a * self._real(wide * j) + b * self._real(near * j))
+            part = bracket(near * self.rho, U * wide * J) + bracket(U * wide * self.rho, near * J)
+            both = (near * self.rho, wide * self.rho), (wide * j for j in J), (near * j for j in J)
+            part -= self.c * self._products(chain(*both), carried, 3)
+            modes += (0.25 * self.s * weight) * part
         # Charges that all move alike: the mode of J that has no potential.
-        Phi = self._real(U * self._smear(2.0) * self.rho)
-        for out, m in zip(A, mean):
-            out += float(0.5 * m / self.volume) * Phi
-        modes = np.stack([self._modes(out) for out in A])
+        Phi = (U * self._smear(2.0) * self.rho)[self._pick()]
+        modes += (0.5 / self.volume) * mean[:, None, None, None] * Phi
         if self.term.slab is not None:
             self._add_slab_current(modes, J, v_nc)
         return modes

@@ -17,8 +17,8 @@ from ...errors import AtcError
 # window of w nodes errs by e^{−π w √(1 − 1/σ)}.
 OVERSAMPLING = (1.5, 1e-8), 2.0
 WIDTHS = (6, 8, 10, 12, 14)
-# Bytes of the largest mesh.
-LARGEST = 4.0e9
+# Bytes of the largest set of modes, and of the parts that the mesh is taken in.
+LARGEST, PART = 4.0e9, 2.0**27
 
 
 def box_modes(largest):
@@ -73,7 +73,7 @@ class Transform:
         want = max(6.0, -log(accuracy) / (pi * (1.0 - 1.0 / over) ** 0.5) + 0.5)
         self.width = next((w for w in WIDTHS if w >= want), WIDTHS[-1])
         self.counts = np.array([good_length(max(ceil(over * (2 * int(m) + 1)), self.width + 2)) for m in largest])
-        if 8.0 * 3 * np.prod(self.counts, dtype=float) > LARGEST:
+        if 16.0 * float(self.counts[0]) * len(self.index[1]) * len(self.index[2]) > LARGEST:
             raise AtcError(
                 f"long-range Coulomb: a mesh of {' x '.join(map(str, self.counts))} nodes would be needed: take a "
                 "looser tolerance, or a larger Coulomb cutoff"
@@ -85,21 +85,45 @@ class Transform:
         self.hats = [fourier.window_hat(self.index[a] / self.counts[a], self.width, self.shape) for a in range(3)]
         self.to_mesh = np.ascontiguousarray(np.linalg.inv(self.vectors) * self.counts)
 
+    def _parts(self, u_nc):
+        """The mesh by planes of its first axis: [(which planes, atoms whose windows end within them, their mesh
+        coordinates there)]. Planes that windows reach are in two parts."""
+        n0, halo = int(self.counts[0]), self.width // 2 + 1
+        planes = int(PART / (8.0 * self.counts[1] * self.counts[2])) - 2 * halo
+        if max(planes, 2 * halo) + 2 * halo >= n0:
+            return [(np.arange(n0), slice(None), u_nc)]
+        step = max(planes, 2 * halo)
+        at_n = np.mod(u_nc[:, 0], n0)
+        at_n[at_n == n0] = 0.0  # of the smallest negative numbers
+        parts = []
+        for first in range(0, n0, step):
+            last = min(first + step, n0)
+            atoms = np.flatnonzero((at_n >= first) & (at_n < last))
+            u = u_nc[atoms]
+            u[:, 0] = at_n[atoms] - (first - halo)
+            parts.append((np.arange(first - halo, last + halo) % n0, atoms, u))
+        return parts
+
     def modes(self, x_nc, a_nk) -> np.ndarray:
         """(k, k0, k1, k2) Σ_j a_j e^{−ik·(x_j − origin)} for the columns of a."""
         from scipy import fft
 
         from ...deposit import spread
 
-        u_nc = (x_nc - self.origin) @ self.to_mesh
-        out = np.empty((a_nk.shape[1], *[len(i) for i in self.index]), complex)
-        mesh = np.empty(self.counts)
+        n0, n1, n2 = (int(n) for n in self.counts)
+        k0, k1, k2 = self.index
+        parts = self._parts((x_nc - self.origin) @ self.to_mesh)
+        out = np.empty((a_nk.shape[1], len(k0), len(k1), len(k2)), complex)
         for c, a_n in enumerate(np.ascontiguousarray(a_nk.T, float)):
-            mesh[:] = 0.0
-            spread.spread_sites(u_nc, self.counts, self.coef, self.width, a_n, mesh)
-            F = fft.rfft(mesh, axis=2, workers=self.threads)[:, :, : len(self.index[2])]
-            F = fft.fft(F, axis=1, workers=self.threads)[:, self.index[1]]
-            out[c] = fft.fft(F, axis=0, workers=self.threads)[self.index[0]]
+            H = np.zeros((n0, len(k1), len(k2)), complex)
+            for planes, atoms, u in parts:
+                mesh = np.zeros((len(planes), n1, n2))
+                shape = np.array(mesh.shape)
+                spread.spread_sites(u, shape, self.coef, self.width, np.ascontiguousarray(a_n[atoms]), mesh)
+                F = fft.rfft(mesh, axis=2, workers=self.threads)[:, :, : len(k2)]
+                H[planes] += fft.fft(F, axis=1, workers=self.threads)[:, k1]
+            for row in _rows(H):
+                out[c][:, row] = fft.fft(H[:, row], axis=0, workers=self.threads)[k0]
         for a, hat in enumerate(self.hats):
             out /= hat.reshape([-1 if k == a else 1 for k in range(3)])
         return out
@@ -112,22 +136,31 @@ class Transform:
         from ...deposit import spread
 
         n0, n1, n2 = (int(n) for n in self.counts)
-        u_nc = (x_nc - self.origin) @ self.to_mesh
+        k0, k1, k2 = self.index
+        parts = self._parts((x_nc - self.origin) @ self.to_mesh)
         out = []
         for F in F_k:
-            G = np.zeros((len(self.index[0]), len(self.index[1]), n2 // 2 + 1), complex)
-            G[:, :, : F.shape[2]] = F / (self.hats[0][:, None, None] * self.hats[1][:, None] * self.hats[2])
-            H = np.zeros((n0, len(self.index[1]), G.shape[2]), complex)
-            H[self.index[0]] = G
-            H = fft.ifft(H, axis=0, norm="forward", overwrite_x=True, workers=self.threads)
-            G = np.zeros((n0, n1, H.shape[2]), complex)
-            G[:, self.index[1]] = H
-            G = fft.ifft(G, axis=1, norm="forward", overwrite_x=True, workers=self.threads)
-            mesh = fft.irfft(G, n=n2, axis=2, norm="forward", overwrite_x=True, workers=self.threads)
-            values = np.zeros((len(x_nc), 1))
-            spread.interpolate(u_nc, self.counts, self.coef, self.width, mesh[None], values)
-            out.append(values[:, 0])
+            H = np.zeros((n0, len(k1), len(k2)), complex)
+            H[k0] = F / (self.hats[0][:, None, None] * self.hats[1][:, None] * self.hats[2])
+            for row in _rows(H):
+                H[:, row] = fft.ifft(H[:, row], axis=0, norm="forward", workers=self.threads)
+            values = np.zeros(len(x_nc))
+            for planes, atoms, u in parts:
+                G = np.zeros((len(planes), n1, len(k2)), complex)
+                G[:, k1] = H[planes]
+                G = fft.ifft(G, axis=1, norm="forward", overwrite_x=True, workers=self.threads)
+                mesh = fft.irfft(G, n=n2, axis=2, norm="forward", workers=self.threads)
+                found = np.zeros((len(u), 1))
+                spread.interpolate(u, np.array(mesh.shape), self.coef, self.width, mesh[None], found)
+                values[atoms] = found[:, 0]
+            out.append(values)
         return np.stack(out, axis=1) if out else np.zeros((len(x_nc), 0))
+
+
+def _rows(H):
+    """Slices of the second axis of modes, each as large as a part of the mesh."""
+    step = max(1, int(PART * H.shape[1] / H.nbytes))
+    return [slice(k, k + step) for k in range(0, H.shape[1], step)]
 
 
 @lru_cache(maxsize=16)
