@@ -59,11 +59,18 @@ def simulation(case, threads: int = 0, state=None):
             history(case, ("indenter", str(k), "center"), t["center"]),
             t.get("velocity"),
             t.get("axis"),
+            t.get("friction", 0.0),
         )
         for k, t in enumerate(case.data.get("indenter", []))
     ]
     walls = [
-        pd.Wall(history(case, ("wall", str(k), "point"), t["point"]), t["normal"], t["stiffness"], t.get("velocity"))
+        pd.Wall(
+            history(case, ("wall", str(k), "point"), t["point"]),
+            t["normal"],
+            t["stiffness"],
+            t.get("velocity"),
+            t.get("friction", 0.0),
+        )
         for k, t in enumerate(case.data.get("wall", []))
     ]
     conditions = []
@@ -159,9 +166,9 @@ def make_body(case):
     try:
         if "region" in b:
             region = region_of(case, b["region"])
-            if cell is not None and cell.periodic.any():
+            if cell is not None and cell.periodic.any() and not b.get("cut"):
                 region = region & _inside_once(cell)
-            more = {k: b[k] for k in ("offset", "jitter", "seed") if k in b}
+            more = {k: b[k] for k in ("offset", "jitter", "seed", "cut") if k in b}
             body = pd.Body.lattice(region, b["spacing"], b["horizon"], b.get("density", 1.0), **options, **more)
         else:
             from .bodies import read_nodes

@@ -164,7 +164,7 @@ class Case(Document):
                         "dimensions)",
                     )
         else:
-            for key in ("offset", "jitter", "seed"):
+            for key in ("offset", "jitter", "seed", "cut"):
                 if key in body:
                     raise self.bad(("body", key), "belongs to a lattice (region and spacing), not to nodes from a file")
             path = self.path("body", "file")

@@ -58,6 +58,7 @@ LEDGER = {
     "dissipated_fracture": "energy gone with broken bonds",
     "dissipated_damping": "energy gone by damping",
     "dissipated_material": "energy gone in materials that relax",
+    "dissipated_friction": "energy gone where contacts slide",
     "total": "kinetic + strain + contact - work + dissipated: constant but for the integrator's error",
 }
 

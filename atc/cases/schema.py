@@ -222,6 +222,7 @@ _MOTION = Key(
 _PATH = Key(_history(("t",)), f"a point, three numbers or formulas of t, {_TABLE}")
 _START = Key(_history(("x", "y", "z")), "three numbers or formulas of x, y, z")
 _POINT = Key(_V3, "a point, e.g. [0.0, 0.0, 0.0]")
+_FRICTION = Key(_not_negative, "Coulomb's coefficient, a number, 0 or more, e.g. 0.3")
 # When bonds break: of a material, and of an interface.
 _STRENGTH = {
     "s00": Key(_positive, "a critical stretch, e.g. 0.0005"),
@@ -250,6 +251,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "offset": _POINT,
         "jitter": Key(_not_negative, "the largest random displacement in spacings, e.g. 0.1"),
         "seed": Key(_seed, "a whole number, 0 or more"),
+        "cut": Key(_boolean, "true or false"),
         "cell": Key(_list_of(_either(_positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
         "origin": _POINT,
         "strain": Key(_list_of(_V3, 3), "the displacement gradient of a periodic cell, three rows of three numbers"),
@@ -267,6 +269,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "own": Key(_positive, "a share of a pair's reference distance, e.g. 0.9"),
         "reach": Key(_positive, "a multiple of the sum of the radii, e.g. 1.35"),
         "skin": Key(_positive, "how much further the list of pairs looks, in spacings, e.g. 0.75"),
+        "friction": _FRICTION,
     },
     "run": {
         "steps": Key(_count, "a number of steps, e.g. 2000"),
@@ -323,12 +326,14 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "center": _PATH,
         "velocity": Key(_V3, "three numbers"),
         "axis": Key(_choice(["x", "y", "z"]), '"x", "y" or "z" for a cylinder'),
+        "friction": _FRICTION,
     },
     "wall": {
         "point": _PATH,
         "normal": _POINT,
         "stiffness": Key(_positive, "a force per volume and length squared"),
         "velocity": Key(_V3, "three numbers"),
+        "friction": _FRICTION,
     },
     "initial": {
         "region": _REGION,

@@ -25,6 +25,7 @@ F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central
 `CriticalStretch(s00, alpha)` / `.from_energy(Gc, material, body)`, `CriticalEnergy(Gc)`
 `relax(sim, time=)` adaptive dynamic relaxation, `solve_static(sim, time=)` Newton-Krylov: static states with prescribed
 displacements and forces, each a step.
+`strain_gauge(sim, points, normals)` strain and stress at points, at free surfaces too.
 `bond_law` : decorator of the law of a bond, with which a subclass of PMB is a bond-based material of its own.
 Materials: PMB, LPS, Correspondence, Elastic, Viscoelastic, Plastic; Linear (a micromodulus tensor, e.g. of a
 crystal) and Hyperelastic (any W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for tests
@@ -48,6 +49,7 @@ _PUBLIC = {
     "simulation": "Simulation Energies",
     "fields": "SnapshotBonds reference_frame snapshot",
     "statics": "relax solve_static Converged",
+    "gauges": "strain_gauge",
 }
 _LAZY = {name: file for file, names in _PUBLIC.items() for name in names.split()}
 

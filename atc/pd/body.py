@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import AtcError, AtcWarning
 from ..frame import Cell
 from .bonds import Families, Notch, families
+from .cells import cut_cells
 from .regions import Region, nodes_of
 
 _MEASURE = {1: "cross-section", 2: "thickness", 3: ""}
@@ -190,6 +191,7 @@ class Body:
         offset=(0.0, 0.0, 0.0),
         jitter=0.0,
         seed=0,
+        cut=False,
         **options,
     ):
         """A simple cubic (square, chain) lattice inside a region: nodes at offset + integers × spacing, points on the
@@ -200,6 +202,10 @@ class Body:
         region : Region with finite bounds along the body's dimensions
         spacing : Δx. Volumes are Δx^d (× thickness; default Δx).
         jitter : largest random displacement of a node along each axis, in spacings (with `seed`)
+        cut : whether the region's surface cuts the cells of its nodes: a node then has the volume of the part inside,
+            and lies in its middle; parts of less than half a cell belong to the neighbour that has most. The body has
+            the region's volume, and curved surfaces no stairs. Of a periodic body what of the region lies in the cell
+            counts.
         The rest as for `Body`. x runs fastest, z slowest: the order of LAMMPS's create_atoms.
         """
         if not (np.isfinite(spacing) and spacing > 0):
@@ -209,11 +215,18 @@ class Body:
         lo[dimension:] = hi[dimension:] = offset[dimension:]
         if not (np.isfinite(lo).all() and np.isfinite(hi).all()):
             raise AtcError("a lattice needs a bounded region: give its lower and upper bounds")
-        first = np.ceil((lo - offset) / spacing - 1e-6).astype(int)
-        last = np.floor((hi - offset) / spacing + 1e-6).astype(int)
+        # Cells that the surface cuts may have their middle outside.
+        more = 0.5 if cut else 0.0
+        first = np.ceil((lo - offset) / spacing - more - 1e-6).astype(int)
+        last = np.floor((hi - offset) / spacing + more + 1e-6).astype(int)
+        first[dimension:] = last[dimension:] = 0
         z, y, x = np.meshgrid(*(np.arange(first[k], last[k] + 1) for k in (2, 1, 0)), indexing="ij")
         points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1) * spacing + offset
-        points = points[region.contains(points)]
+        share = 1.0
+        if cut:
+            points, share = cut_cells(points, region, spacing, dimension, options.get("cell"))
+        else:
+            points = points[region.contains(points)]
         if not len(points):
             raise AtcError(
                 "no lattice point lies inside the region: use a smaller spacing, or move the lattice by an offset"
@@ -225,7 +238,14 @@ class Body:
         thickness = (spacing ** (3 - dimension)) if thickness is None else thickness
         volume = spacing**dimension * (thickness if dimension < 3 else 1.0)
         return cls(
-            points, volume, density, horizon, dimension=dimension, thickness=thickness, spacing=spacing, **options
+            points,
+            volume * share,
+            density,
+            horizon,
+            dimension=dimension,
+            thickness=thickness,
+            spacing=spacing,
+            **options,
         )
 
 

@@ -19,6 +19,7 @@ from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Cell
 from .bonds import JIT
+from .friction import rub_pairs
 
 
 @dataclass
@@ -28,16 +29,20 @@ class Contact:
     strength : the multiple of the micromodulus c (15). own : share of the reference distance (0.9). reach : of the
         radii's sum (1.35).
     skin : how much further than `reach` the list of fast nodes looks, in spacings. It makes nothing but speed.
+    friction : Coulomb's coefficient μ between nodes in contact (see `friction`)
     """
 
     strength: float = 15.0
     own: float = 0.9
     reach: float = 1.35
     skin: float = 0.75
+    friction: float = 0.0
 
     def __post_init__(self):
         if not (self.strength >= 0 and 0 < self.own <= 1 and self.reach > 0 and self.skin > 0):
             raise AtcError("contact needs strength >= 0, 0 < own <= 1, reach > 0 and skin > 0")
+        if not (self.friction >= 0 and np.isfinite(self.friction)):
+            raise AtcError(f"contact: friction is a coefficient, a number of 0 or more, got {self.friction!r}")
 
 
 class ContactSearch:
@@ -59,8 +64,9 @@ class ContactSearch:
         self.age = 0
         self.strain = None
 
-    def add(self, z, F_nc):
-        """Add contact forces to F (n, 3); returns their energy."""
+    def add(self, z, F_nc, rubbed=None):
+        """Add contact forces to F (n, 3); returns their energy. `rubbed` : velocities, masses, the time step, and
+        (n, 3) to which friction is added."""
         if self.home_nc is None:
             self._survey(z)
         self.age += 1
@@ -71,20 +77,11 @@ class ContactSearch:
         if slow > self.reach or fast + max(fast, 2 * self.reach) > self.skin + 2 * self.reach:
             self._renew(z)
         n = len(self.i)
-        active = self.crew.run(_touching, n, self.i, self.j, self.shift, z, self.d, grain=1 << 14)
-        return _push(
-            np.concatenate(active),
-            self.i,
-            self.j,
-            self.shift,
-            z,
-            self.d,
-            self.body.V_n,
-            self.index_n,
-            self.m,
-            self.c_k,
-            F_nc,
-        )
+        active = np.concatenate(self.crew.run(_touching, n, self.i, self.j, self.shift, z, self.d, grain=1 << 14))
+        what = active, self.i, self.j, self.shift, z, self.d, self.body.V_n, self.index_n, self.m, self.c_k
+        if rubbed is not None and self.contact.friction:
+            rub_pairs(*what, self.contact.friction, *rubbed)
+        return _push(*what, F_nc)
 
     def _renew(self, z):
         """New lists: of the movers if they are few, of the whole body otherwise."""

@@ -9,12 +9,41 @@ from ..compiled import njit
 from ..errors import AtcError
 from .bonds import JIT
 from .conditions import as_function
+from .friction import rub_rigid
 
 
 class _Rigid:
+    def __init__(self, place, velocity, friction, name):
+        """place : (3,) or a function of time. velocity : (3,) added to a constant place, or None."""
+        if not (friction >= 0 and np.isfinite(friction)):
+            raise AtcError(f"{name}: friction is a coefficient, a number of 0 or more, got {friction!r}")
+        self.friction = float(friction)
+        if velocity is None:
+            self.place = as_function(place, name)
+            self.constant = None if callable(place) or (isinstance(place, tuple) and np.ndim(place[0])) else np.zeros(3)
+        else:
+            p, v = np.array(place, float), np.array(velocity, float)
+            self.place, self.constant = lambda t: p + t * v, v
+
+    def velocity(self, t, dt):
+        """(3,) its velocity over the last step (at the start: over the first)."""
+        if self.constant is not None:
+            return self.constant
+        a, b = (t - dt, t) if t >= dt else (t, t + dt)
+        return (np.asarray(self.place(b), float) - np.asarray(self.place(a), float)) / dt
+
     def add(self, t, z, F_nc):
         """Add the forces on the body at time t to F (n, 3); returns the energy stored in the penetration."""
         raise NotImplementedError
+
+    def rub(self, t, z, v_nc, mass_n, dt, F_nc):
+        """Add Coulomb's friction at time t to F (n, 3); returns what power it brings from outside."""
+        if not self.friction:
+            return 0.0
+        force, push = self.force.copy(), np.zeros_like(F_nc)
+        self.add(t, z, push)
+        self.force[:] = force
+        return rub_rigid(push, self.friction, self.velocity(t, dt), v_nc, mass_n, dt, F_nc)
 
     def bind(self, body):
         self.V_n = body.V_n
@@ -32,9 +61,10 @@ class Indenter(_Rigid):
     center : (3,) at time 0, or a function of time; the centre at the time of the force counts. velocity : (3,)
         constant, added to a constant centre.
     axis : None for a sphere, "x", "y", "z" for a cylinder
+    friction : Coulomb's coefficient μ (see `friction`)
     """
 
-    def __init__(self, radius: float, stiffness: float, center, velocity=None, axis=None):
+    def __init__(self, radius: float, stiffness: float, center, velocity=None, axis=None, friction=0.0):
         if not (radius > 0 and stiffness >= 0):
             raise AtcError("an indenter needs a positive radius and a stiffness that is not negative")
         self.radius, self.stiffness, self.axis = (
@@ -42,11 +72,12 @@ class Indenter(_Rigid):
             float(stiffness),
             -1 if axis is None else "xyz".index(axis),
         )
-        if velocity is None:
-            self.center = as_function(center, "the indenter's center")
-        else:
-            c, v = np.array(center, float), np.array(velocity, float)
-            self.center = lambda t: c + t * v
+        super().__init__(center, velocity, friction, "the indenter's center")
+
+    @property
+    def center(self):
+        """Its centre as a function of time."""
+        return self.place
 
     def add(self, t, z, F_nc):
         c = np.asarray(self.center(t), float)
@@ -57,20 +88,21 @@ class Wall(_Rigid):
     """A rigid half space: nodes behind the plane through `point` with the outward `normal` are pushed back with the
     force density k·depth².
 
-    point : (3,) or a function of time. velocity : (3,), added to a constant point.
+    point : (3,) or a function of time. velocity : (3,), added to a constant point. friction : Coulomb's coefficient μ.
     """
 
-    def __init__(self, point, normal, stiffness: float, velocity=None):
+    def __init__(self, point, normal, stiffness: float, velocity=None, friction=0.0):
         self.normal = np.array(normal, float)
         if not np.linalg.norm(self.normal) > 0:
             raise AtcError("a wall needs a normal that is not zero")
         self.normal /= np.linalg.norm(self.normal)
         self.stiffness = float(stiffness)
-        if velocity is None:
-            self.point = as_function(point, "the wall's point")
-        else:
-            p, v = np.array(point, float), np.array(velocity, float)
-            self.point = lambda t: p + t * v
+        super().__init__(point, velocity, friction, "the wall's point")
+
+    @property
+    def point(self):
+        """A point of its plane as a function of time."""
+        return self.place
 
     def add(self, t, z, F_nc):
         return _wall(z, self.V_n, np.asarray(self.point(t), float), self.normal, self.stiffness, F_nc, self.force)

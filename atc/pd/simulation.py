@@ -26,8 +26,8 @@ class Energies:
     kinetic, strain, contact : of the state. indenter : stored in the penetration of indenters and walls (their moving
         does work).
     work_external : done by indenters, walls and body forces; work_constraint : done by prescribed motions
-    dissipated_fracture, dissipated_damping, dissipated_material : gone with broken bonds, by damping, and in materials
-        that relax
+    dissipated_fracture, dissipated_damping, dissipated_material, dissipated_friction : gone with broken bonds, by
+        damping, in materials that relax, and where contacts slide
     """
 
     kinetic: float
@@ -39,6 +39,7 @@ class Energies:
     dissipated_fracture: float
     dissipated_damping: float
     dissipated_material: float = 0.0
+    dissipated_friction: float = 0.0
 
     @property
     def total(self) -> float:
@@ -46,7 +47,7 @@ class Energies:
         bodies break."""
         return (
             self.kinetic + self.strain + self.contact - self.work_external - self.work_constraint
-            + self.dissipated_fracture + self.dissipated_damping + self.dissipated_material
+            + self.dissipated_fracture + self.dissipated_damping + self.dissipated_material + self.dissipated_friction
         )  # fmt: skip
 
 
@@ -159,6 +160,7 @@ class Simulation:
                 raise AtcError(f"conditions must be Prescribed or BodyForce objects, got {type(c).__name__}")
         self.prescribed = [c for c in conditions if isinstance(c, Prescribed)]
         self.external = [c for c in conditions if isinstance(c, BodyForce)] + self.rigid
+        self.frictional = any(r.friction for r in self.rigid) or bool(contact and contact.friction)
         self.cell, self.strained = body.cell, False
         self._z = node_rows(n)
         self._z[:, 3:6] = body.X_nc
@@ -216,6 +218,8 @@ class Simulation:
         self.state = state
         self.model.resume(state.smin_n)
         self.model.remember(state.history)
+        if self.frictional and "friction_nc" not in state.history:
+            state.history.update(friction_nc=np.zeros((n, 3)), friction_power=np.zeros(1))
 
     @property
     def positions_nc(self) -> np.ndarray:
@@ -279,7 +283,14 @@ class Simulation:
             self.n_broken += broken
             s.ledger["dissipated_fracture"] += lost
             s.pending = dict(zip(("i", "j", "F_bc"), pull, strict=True))
-        in_contact = self.contact.add(self._z, s.F_nc) if self.contact is not None else 0.0
+        rubbed = None
+        if self.frictional:
+            rubbed = s.v_nc, self.mass_n, self.dt, s.history["friction_nc"]
+            rubbed[3][:] = 0.0
+            s.history["friction_power"][0] = sum(e.rub(s.time, self._z, *rubbed) for e in self.rigid)
+        in_contact = self.contact.add(self._z, s.F_nc, rubbed) if self.contact is not None else 0.0
+        if rubbed is not None:
+            s.F_nc += rubbed[3]
         in_rigid = 0.0
         if self.external:
             s.external_nc[:] = 0.0
@@ -339,6 +350,7 @@ class Simulation:
             s.pending = no_bonds()
         if self.external:
             s.ledger["work_external"] += half * total(power, self.crew, n, s.external_nc, s.v_nc)
+        self._count_friction()
         if self.damping:
             # The friction's work with the mid-step velocity: exact to the order of the integrator.
             s.ledger["dissipated_damping"] += (
@@ -350,6 +362,7 @@ class Simulation:
         self.model.advance(dt)
         self._contact_energy, self._rigid_energy = self._all_forces(self.damages)
         s.ledger["dissipated_material"] += self.model.taken
+        self._count_friction()
         if self.external:
             s.ledger["work_external"] += half * total(power, self.crew, n, s.external_nc, s.v_nc)
         if self.damping:
@@ -368,6 +381,17 @@ class Simulation:
             kinetic_change = 0.5 * self.mass_n[p.nodes, None] * (end**2 - start[k] ** 2)
             by_forces = half * middle[k] * (before[k] + s.F_nc[p.nodes])
             s.ledger["work_constraint"] += float((kinetic_change - by_forces)[fixed].sum())
+
+    def _count_friction(self):
+        """What friction takes in half a step: its power on both sides of every contact."""
+        if not self.frictional:
+            return
+        s, half = self.state, 0.5 * self.dt
+        brought = half * float(s.history["friction_power"][0])
+        s.ledger["work_external"] += brought
+        s.ledger["dissipated_friction"] += brought - half * total(
+            power, self.crew, len(self.body), s.history["friction_nc"], s.v_nc
+        )
 
     def _hold(self, p, t_half, t_end):
         """Set the velocities of the drift on prescribed nodes; returns which components are held (m, 3), or None when

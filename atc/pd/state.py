@@ -8,7 +8,14 @@ import numpy as np
 
 from ..errors import AtcError
 
-LEDGER = ("work_external", "work_constraint", "dissipated_fracture", "dissipated_damping", "dissipated_material")
+LEDGER = (
+    "work_external",
+    "work_constraint",
+    "dissipated_fracture",
+    "dissipated_damping",
+    "dissipated_material",
+    "dissipated_friction",
+)
 
 
 def no_bonds():
@@ -30,8 +37,8 @@ class State:
     intact_b : (b,) uint8 over `body.bonds`: 0 broken, 1 whole, 2 whole and never breaks
     step : int. time : float.
     ledger : sums since the start: work_external, work_constraint, dissipated_fracture, dissipated_damping,
-        dissipated_material (energy each)
-    history : what a material with a memory keeps of the past, by name; empty for others
+        dissipated_material, dissipated_friction (energy each)
+    history : what a material with a memory keeps of the past, by name, and the forces of friction; empty otherwise
     pending : i, j, F_bc of bonds that broke in this very step: they pull until the next half kick, and the ledger
         counts that too
     """

@@ -45,6 +45,8 @@ class _Statics:
             raise AtcError(
                 f"{sim.model.first.name}: what is at rest depends on its history: run it in time, with damping"
             )
+        if sim.frictional:
+            raise AtcError("friction: what is at rest depends on how it came there: run it in time, with damping")
         n = len(sim.body)
         self.held = np.zeros((n, 3), bool)
         self.held[:, sim.body.dimension :] = True
