@@ -42,7 +42,7 @@ class Crack:
         if not abs(along @ normal) < 1e-6:
             raise AtcError("[twin] crack_normal: must be normal to crack_direction")
         body = made.body
-        self.X, self.along, self.edge = body.X_nc, along, float(np.linalg.norm(made.step_cc, axis=1).max())
+        self.X, self.along, self.edge = body.X_nc, along, float(made.edges.max())
         self.atoms, self.bonds, self.sim = made.smoothing, bonds, sim
         nodes = Frame(self.X, body.cell, reference.units, masses=body.rho_n * body.V_n)
         self.nodes = Smoothing(nodes, kernel, self.X)
@@ -113,10 +113,58 @@ class Crack:
         return float(end + w * min(1.0, (top - least) / (top - next_))) if top > next_ else float(end)
 
 
+def notches_of(scene, get, length, dimension) -> list:
+    """The cuts that [twin] says the reference has: parallelograms, in the plane lines."""
+    from .. import pd
+
+    out = []
+    for given in get("notches", []):
+        corners = np.array(given, float) if len({len(p) for p in given}) == 1 else np.zeros(0)
+        if corners.shape != ((2, 2) if dimension == 2 else (3, 3)):
+            wanted = (
+                "[[x, y], [x, y]], where it begins and ends"
+                if dimension == 2
+                else "a corner and two edges, [x, y, z] each"
+            )
+            raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notches: each is {wanted}")
+        corners = corners * length
+        out.append(pd.Notch.line(*corners, as_damage=True) if dimension == 2 else pd.Notch(*corners, as_damage=True))
+    return out
+
+
+def require_crossed(scene, body) -> None:
+    """Raise unless every notch of a body crosses bonds."""
+    counts = body.cuts if body.notches and len(body.bonds) else []
+    for k, crossed in enumerate(counts):
+        if not crossed:
+            raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notch {k + 1} crosses no bond of the nodes")
+
+
+def crack_of(scene, get, made, reference, kernel, bonds, sim):
+    """What follows the crack, where [twin] says along which direction it runs."""
+    if get("crack_direction") is None:
+        if get("crack_normal") is not None:
+            raise AtcError(f"{scene.where('twin', 'crack_normal')}: [twin] crack_normal needs crack_direction too")
+        return None
+    if bonds is None:
+        raise AtcError(
+            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction: a crack is followed where bonds break: "
+            "fracture = true"
+        )
+    if get("crack_normal") is None:
+        raise AtcError(
+            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction needs crack_normal too, the normal of "
+            "the crack's plane"
+        )
+    along, normal = (unit_vector(get(k), k) for k in ("crack_direction", "crack_normal"))
+    return Crack(made, reference, kernel, bonds, sim, along, normal)
+
+
 def add_crack(data, units, times, found) -> None:
     """md_ and pd_crack_tip, _crack_speed and _crack_area into a dataset, of what `Crack.measure` found a frame."""
     found = np.array(found, float)  # (frames, side, tip or area)
     length, speed = units.label("length"), units.label("velocity")
+    across = "" if units.dimension == 2 else "^2"
     for k, side in enumerate(("md", "pd")):
         tip, area = found[:, k].T
         v = np.full(len(tip), np.nan)
@@ -131,7 +179,12 @@ def add_crack(data, units, times, found) -> None:
                 "the crack's tip along crack_direction, in the reference",
             ),
             ("crack_speed", units.to_user("velocity", v), speed, "speed of the crack's tip in the reference"),
-            ("crack_area", area / units.length**2, f"{length}^2", "bonds lost over those of a straight cut per area"),
+            (
+                "crack_area",
+                area / units.length ** (units.dimension - 1),
+                f"{length}{across}",
+                "bonds lost over those of a straight cut per area",
+            ),
         ):
             data[f"{side}_{name}"] = ("frame", values, {"units": unit, "long_name": f"{what}, {side.upper()}"})
 
@@ -149,6 +202,7 @@ def crack_lines(data) -> list[str]:
         v = np.nanmedian(data[f"{side}_crack_speed"].values) if len(known) > 1 else np.nan
         out.append(
             f"crack, {side.upper()}: from frame {known[0]} on, tip from {tip[known[0]]:.4g} to {tip[known[-1]]:.4g} "
-            f"{unit}, median speed {v:.4g} {data[f'{side}_crack_speed'].attrs['units']}, area {area[-1]:.4g} {unit}^2"
+            f"{unit}, median speed {v:.4g} {data[f'{side}_crack_speed'].attrs['units']}, area {area[-1]:.4g} "
+            f"{data[f'{side}_crack_area'].attrs['units']}"
         )
     return out
