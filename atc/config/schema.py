@@ -218,6 +218,12 @@ def _structure_names():
     return list(STRUCTURES)
 
 
+def _twin_structures():
+    from ..upscaling.crystal import PLANAR_STRUCTURES, STRUCTURES
+
+    return [*STRUCTURES, *PLANAR_STRUCTURES]
+
+
 def _model_names():
     from ..upscaling.matching import MODELS
 
@@ -528,7 +534,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
     },
     "twin": {
-        "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
+        "structure": Key(_choice(_twin_structures), 'a cubic structure, e.g. "fcc"; in the plane "hexagonal"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
         "material": Key(
             _choice(["isotropic", "cauchy-born", "linear", "smoothed", "measured"]),
@@ -545,6 +551,11 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "reference_stress": Key(_boolean, "true or false"),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
         "fracture": Key(_boolean, "true or false"),
+        "fracture_energy": Key(_positive, "an energy per area (in the plane: per length), greater than 0, e.g. 0.17"),
+        "notches": Key(
+            _list_of(_list_of(_list_of(_number))),
+            "cuts: [[x, y], [x, y]] from one end to the other in the plane, a corner and two edges [x, y, z] in space",
+        ),
         "crack_direction": Key(_list_of(_number, 3), "the direction that the crack runs in, e.g. [1, 0, 0]"),
         "crack_normal": Key(_list_of(_number, 3), "the normal of the crack's plane, e.g. [0, 1, 0]"),
         "temperature": Key(_positive, "a temperature greater than 0, e.g. 300.0"),

@@ -14,7 +14,7 @@ from ..units import units as unit_system
 _CHUNK = 1 << 16
 
 
-def snapshot(sim, units="si", layer=None):
+def snapshot(sim, units="si", layer=None, planar=False):
     """The present state of a simulation as (frame, bonds) for `atc.fields`.
 
     Parameters
@@ -26,6 +26,8 @@ def snapshot(sim, units="si", layer=None):
     layer : in one and two dimensions the body is repeated every `layer` along the missing axes, with its share of mass
         and force, so that fields are those of
         a body that goes on for ever there; small against the kernel's radius (default a quarter of the spacing)
+    planar : a body in two dimensions as a frame of a run in the plane (LAMMPS's ``dimension 2``) instead, with its
+        whole mass and forces: fields are per area
 
     Returns
     -------
@@ -40,7 +42,8 @@ def snapshot(sim, units="si", layer=None):
     """
     u = unit_system(units)
     body = sim.body
-    cell, share = _place(body, sim.cell, layer)
+    cell, share = _place(body, sim.cell, layer, planar)
+    u = u.planar if planar else u
     frame = _frame(sim, u, cell, share, sim.positions_nc, f"peridynamics step {sim.state.step}")
     frame.velocities = np.array(sim.state.v_nc) * (u.factor("length") / u.factor("time"))
     frame.forces = np.array(sim.forces()) * (share * u.factor("energy") / u.factor("length"))
@@ -49,10 +52,11 @@ def snapshot(sim, units="si", layer=None):
     return frame, SnapshotBonds(sim, u, share, frame)
 
 
-def reference_frame(sim, units="si", layer=None) -> Frame:
+def reference_frame(sim, units="si", layer=None, planar=False) -> Frame:
     """The undeformed body, for quantities that need a reference."""
     u = unit_system(units)
-    cell, share = _place(sim.body, sim.body.cell, layer)
+    cell, share = _place(sim.body, sim.body.cell, layer, planar)
+    u = u.planar if planar else u
     return _frame(sim, u, cell, share, sim.body.X_nc, "peridynamics reference")
 
 
@@ -69,9 +73,13 @@ def _frame(sim, u, cell, share, x_nc, source) -> Frame:
     )
 
 
-def _place(body, cell, layer):
+def _place(body, cell, layer, planar):
     """The cell (reference or deformed), and the share of the thickness (cross-section) that one layer has."""
     d = body.dimension
+    if planar:
+        if d != 2:
+            raise AtcError(f"planar: a run in the plane is one of a body in two dimensions, this one has {d}")
+        return cell, 1.0
     if d == 3:
         return cell, 1.0
     h = 0.25 * body.spacing if layer is None else float(layer)

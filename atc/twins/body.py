@@ -31,9 +31,14 @@ class TwinBody:
     density: float
     bulk: float
 
+    @property
+    def edges(self) -> np.ndarray:
+        """Distances of neighbouring nodes along the lattice's axes, two of a body in the plane."""
+        return np.linalg.norm(self.step_cc, axis=1)[: self.body.dimension]
+
 
 def body_of(
-    reference, kernel, bulk: float, spacing: float, horizon: float | None, spacings: float = HORIZON
+    reference, kernel, bulk: float, spacing: float, horizon: float | None, spacings: float = HORIZON, notches=()
 ) -> TwinBody:
     """Nodes where the smoothed density is at least half of the bulk's; holes, surfaces and cracks included.
 
@@ -43,20 +48,24 @@ def body_of(
     bulk : mass density of the undisturbed crystal
     spacing : wanted distance of nodes; along each edge the nearest one that divides the cell's edge is taken
     horizon : default `spacings` times the largest distance of neighbouring nodes
+    notches : `pd.Notch` objects that cut bonds, which count as broken from the start
 
     Returns
     -------
     TwinBody. V_I is the share of node I's own cell in which the smoothed density is at least half of the bulk's; ρ is
-    the same everywhere, such that the mass agrees.
+    the same everywhere, such that the mass agrees. Of a run in the plane: a body in plane strain, one internal unit of
+    length thick.
     """
     from .. import pd
 
-    cell = reference.cell
+    cell, d = reference.cell, reference.dimension
     lengths = np.linalg.norm(cell.vectors, axis=1)
-    counts = np.maximum(np.rint(lengths / spacing).astype(int), 1)
+    counts = np.where(np.arange(3) < d, np.maximum(np.rint(lengths / spacing).astype(int), 1), 1)
     step = cell.vectors / counts[:, None]
     s = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
     X = cell.cartesian(s)
+    if d == 2:
+        X[:, 2] = reference.positions[0, 2]
     inside = Smoothing(reference, kernel, X).density_g >= 0.5 * bulk
     if not inside.any():
         raise AtcError(
@@ -66,10 +75,10 @@ def body_of(
     X = X[inside]
     offsets = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
     share = np.zeros(len(X))
-    for shift in product(offsets, repeat=3):
-        share += Smoothing(reference, kernel, X + np.array(shift) @ step).density_g >= 0.5 * bulk
+    for shift in product(offsets, repeat=d):
+        share += Smoothing(reference, kernel, X + np.array(shift) @ step[:d]).density_g >= 0.5 * bulk
     volume = abs(np.linalg.det(step))
-    V = volume * np.maximum(share, 1.0) / _SAMPLES**3
+    V = volume * np.maximum(share, 1.0) / _SAMPLES**d
     rho = float(reference.masses.sum() / V.sum())
     if not 0.9 < rho / bulk < 1.1:
         warnings.warn(
@@ -78,14 +87,15 @@ def body_of(
             AtcWarning,
             stacklevel=3,
         )
-    edge = np.linalg.norm(step, axis=1).max()
+    edge = np.linalg.norm(step, axis=1)[:d].max()
     horizon = spacings * edge if horizon is None else horizon
     if horizon < 1.5 * edge:
         raise AtcError(
             f"a horizon of {horizon:g} (internal units) is less than 1.5 times the distance of nodes, {edge:g}: take a "
             "larger horizon or a smaller spacing"
         )
-    body = pd.Body(X, V, rho, horizon, cell=cell, spacing=volume ** (1 / 3))
+    plane = {"dimension": 2, "plane": "strain"} if d == 2 else {}
+    body = pd.Body(X, V, rho, horizon, cell=cell, spacing=volume ** (1 / d), notches=notches, **plane)
     return TwinBody(body, Smoothing(reference, kernel, X), step, rho, bulk)
 
 

@@ -32,6 +32,9 @@ def atoms_horizon(get, crystal, model) -> float:
 def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
     """The material that [twin] asks for, `get(key, default)`, of a relaxed crystal, a `TwinBody` and its frame.
     `equilibrium()` : the run whose fluctuations are measured."""
+    for key in ("fracture_energy", "notches"):
+        if get(key) is not None and not get("fracture"):
+            raise AtcError(f"[twin] {key}: goes with fracture = true")
     if get("fracture") and get("material", "isotropic") != "isotropic":
         raise AtcError('[twin] fracture: only the bonds of material = "isotropic" break: leave it out')
     if get("material", "isotropic") == "cauchy-born":
@@ -56,12 +59,16 @@ def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
     found.crystal_vv = turned(found.C.C_vv, axes)
     if get("fracture"):
         from ..pd import CriticalStretch
-        from ..upscaling.surfaces import cleavage
+        from ..upscaling.surfaces import cleavage, strength
 
         if get("motion", "dynamic") != "dynamic":
             raise AtcError('[twin] fracture: bonds break in dynamic twins only: motion = "dynamic"')
         found.surface = cleavage(crystal, model)
-        found.damage = CriticalStretch.from_energy(2 * found.surface.energy, found.material, made.body)
+        u, found.given = crystal.units, get("fracture_energy") is not None
+        per_area = u.to_internal("energy", 1.0) / u.length ** (crystal.dimension - 1)
+        found.Gc = get("fracture_energy") * per_area if found.given else 2 * found.surface.energy
+        found.strength = strength(crystal, model, found.surface.plane)
+        found.damage = CriticalStretch.from_energy(found.Gc, found.material, made.body)
     return found
 
 

@@ -12,6 +12,8 @@ from .smoothing import Smoothing
 
 #: Straight cuts that tell what a crack's damage is: how many, and within which part of the body's extent.
 _CUTS, _MIDDLE = 8, (0.35, 0.65)
+#: Heights at which the bonds of the atoms are counted that a cut crosses.
+_COUNTED = 60
 
 
 def unit_vector(given, what) -> np.ndarray:
@@ -29,7 +31,8 @@ class Crack:
     connected group of nodes with at least half of the damage that a straight cut through the body does there (the
     median of the largest values of eight cuts), each side by its own; its tip is the furthest place along the
     direction that reaches this, interpolated. The cracked area is the number of lost bonds over those that a straight
-    cut crosses per area: branches and damage beside the crack count in it.
+    cut crosses per area, of the atoms the cut that crosses fewest (planes part where that is easiest): branches and
+    damage beside the crack count in it.
 
     Parameters
     ----------
@@ -42,7 +45,7 @@ class Crack:
         if not abs(along @ normal) < 1e-6:
             raise AtcError("[twin] crack_normal: must be normal to crack_direction")
         body = made.body
-        self.X, self.along, self.edge = body.X_nc, along, float(np.linalg.norm(made.step_cc, axis=1).max())
+        self.X, self.along, self.edge = body.X_nc, along, float(made.edges.max())
         self.atoms, self.bonds, self.sim = made.smoothing, bonds, sim
         nodes = Frame(self.X, body.cell, reference.units, masses=body.rho_n * body.V_n)
         self.nodes = Smoothing(nodes, kernel, self.X)
@@ -51,7 +54,7 @@ class Crack:
         x_atoms, r_atoms = reference.positions @ normal, bonds.r_bc @ normal
         table = body.bonds
         xi = table.xi_bc(self.X) @ normal  # from i to j
-        tops, self.per_area = [], np.zeros(2)
+        tops, volumes, areas = [], [], []
         # Between layers of nodes, not through one: its bonds would end on the plane.
         for s in lo + (np.arange(_CUTS) + 0.5) * (hi - lo) / _CUTS + 0.013 * self.edge:
             cut_md = (x_atoms[bonds.i] - s) * (x_atoms[bonds.i] - r_atoms - s) < 0
@@ -62,8 +65,14 @@ class Crack:
                     self._smooth(self.nodes, self._broken(cut_pd)).max(),
                 )
             )
-            area = body.V_n[np.abs(s_g - s) < 2 * self.edge].sum() / (4 * self.edge)
-            self.per_area += np.array([cut_md.sum(), self._bond_volume(cut_pd)]) / area / _CUTS
+            areas.append(body.V_n[np.abs(s_g - s) < 2 * self.edge].sum() / (4 * self.edge))
+            volumes.append(self._bond_volume(cut_pd))
+        # A plane through a layer of atoms counts the bonds on both of its sides, so that it is never the least.
+        fewest = min(
+            np.count_nonzero((x_atoms[bonds.i] - s) * (x_atoms[bonds.i] - r_atoms - s) <= 0)
+            for s in np.linspace(lo, hi, _COUNTED)
+        )
+        self.per_area = np.array([fewest / np.mean(areas), np.mean(np.divide(volumes, areas))])
         self.least = 0.5 * np.median(tops, axis=0)
         if not (self.least > 0).all():
             raise AtcError("[twin] crack_normal: a cut across the body crosses no bonds: the body has no such plane")
@@ -113,10 +122,58 @@ class Crack:
         return float(end + w * min(1.0, (top - least) / (top - next_))) if top > next_ else float(end)
 
 
+def notches_of(scene, get, length, dimension) -> list:
+    """The cuts that [twin] says the reference has: parallelograms, in the plane lines."""
+    from .. import pd
+
+    out = []
+    for given in get("notches", []):
+        corners = np.array(given, float) if len({len(p) for p in given}) == 1 else np.zeros(0)
+        if corners.shape != ((2, 2) if dimension == 2 else (3, 3)):
+            wanted = (
+                "[[x, y], [x, y]], where it begins and ends"
+                if dimension == 2
+                else "a corner and two edges, [x, y, z] each"
+            )
+            raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notches: each is {wanted}")
+        corners = corners * length
+        out.append(pd.Notch.line(*corners, as_damage=True) if dimension == 2 else pd.Notch(*corners, as_damage=True))
+    return out
+
+
+def require_crossed(scene, body) -> None:
+    """Raise unless every notch of a body crosses bonds."""
+    counts = body.cuts if body.notches and len(body.bonds) else []
+    for k, crossed in enumerate(counts):
+        if not crossed:
+            raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notch {k + 1} crosses no bond of the nodes")
+
+
+def crack_of(scene, get, made, reference, kernel, bonds, sim):
+    """What follows the crack, where [twin] says along which direction it runs."""
+    if get("crack_direction") is None:
+        if get("crack_normal") is not None:
+            raise AtcError(f"{scene.where('twin', 'crack_normal')}: [twin] crack_normal needs crack_direction too")
+        return None
+    if bonds is None:
+        raise AtcError(
+            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction: a crack is followed where bonds break: "
+            "fracture = true"
+        )
+    if get("crack_normal") is None:
+        raise AtcError(
+            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction needs crack_normal too, the normal of "
+            "the crack's plane"
+        )
+    along, normal = (unit_vector(get(k), k) for k in ("crack_direction", "crack_normal"))
+    return Crack(made, reference, kernel, bonds, sim, along, normal)
+
+
 def add_crack(data, units, times, found) -> None:
     """md_ and pd_crack_tip, _crack_speed and _crack_area into a dataset, of what `Crack.measure` found a frame."""
     found = np.array(found, float)  # (frames, side, tip or area)
     length, speed = units.label("length"), units.label("velocity")
+    across = "" if units.dimension == 2 else "^2"
     for k, side in enumerate(("md", "pd")):
         tip, area = found[:, k].T
         v = np.full(len(tip), np.nan)
@@ -131,7 +188,12 @@ def add_crack(data, units, times, found) -> None:
                 "the crack's tip along crack_direction, in the reference",
             ),
             ("crack_speed", units.to_user("velocity", v), speed, "speed of the crack's tip in the reference"),
-            ("crack_area", area / units.length**2, f"{length}^2", "bonds lost over those of a straight cut per area"),
+            (
+                "crack_area",
+                area / units.length ** (units.dimension - 1),
+                f"{length}{across}",
+                "bonds lost over those of a straight cut per area",
+            ),
         ):
             data[f"{side}_{name}"] = ("frame", values, {"units": unit, "long_name": f"{what}, {side.upper()}"})
 
@@ -149,6 +211,7 @@ def crack_lines(data) -> list[str]:
         v = np.nanmedian(data[f"{side}_crack_speed"].values) if len(known) > 1 else np.nan
         out.append(
             f"crack, {side.upper()}: from frame {known[0]} on, tip from {tip[known[0]]:.4g} to {tip[known[-1]]:.4g} "
-            f"{unit}, median speed {v:.4g} {data[f'{side}_crack_speed'].attrs['units']}, area {area[-1]:.4g} {unit}^2"
+            f"{unit}, median speed {v:.4g} {data[f'{side}_crack_speed'].attrs['units']}, area {area[-1]:.4g} "
+            f"{data[f'{side}_crack_area'].attrs['units']}"
         )
     return out

@@ -15,16 +15,20 @@ class NearestBonds:
     Parameters
     ----------
     reference : Frame. crystal : Crystal, says how far neighbours are
+    notches : `pd.Notch` objects: bonds across them are lost from the start
     """
 
-    def __init__(self, reference, crystal):
-        block, _ = crystal.supercell((3, 3, 3))
-        _, _, r, _ = neighbor_list(block.positions, block.cell, 2.0 * crystal.volume ** (1 / 3))
+    def __init__(self, reference, crystal, notches=()):
+        block, _ = crystal.supercell((4, 4, 1) if crystal.dimension == 2 else (3, 3, 3))
+        _, _, r, _ = neighbor_list(block.positions, block.cell, 2.0 * crystal.volume ** (1 / crystal.dimension))
         d = np.sort(np.linalg.norm(r, axis=1))
         second = d[np.searchsorted(d, 1.02 * d[0])]
         self.longest = 0.5 * (d[0] + second)
         self.i, self.j, self.r_bc, self.image = neighbor_list(reference.positions, reference.cell, self.longest)
         self.reference = reference
+        self.cut = np.zeros(len(self.i), bool)
+        for notch in notches:
+            self.cut |= notch.crosses(reference.positions[self.i], -self.r_bc)
         self.count_n = np.bincount(self.i, minlength=len(reference)) + np.bincount(self.j, minlength=len(reference))
 
     def gone(self, frame) -> np.ndarray:
@@ -33,7 +37,7 @@ class NearestBonds:
 
         x = self.reference.positions + displacement(frame, self.reference)
         r = x[self.i] - x[self.j] - self.image @ frame.cell.vectors
-        return np.einsum("bc,bc->b", r, r) > self.longest**2
+        return self.cut | (np.einsum("bc,bc->b", r, r) > self.longest**2)
 
     def share(self, gone_b) -> np.ndarray:
         """(n,) share of each atom's bonds that these are."""

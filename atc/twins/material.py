@@ -19,7 +19,9 @@ class Isotropic:
     sampled_vv : (6, 6) elastic constants that the nodes of a periodic body of this spacing and horizon have
     wanted_vv : those that the material means to have (of PMB with Poisson's ratio 1/4)
     crystal_vv : (6, 6) those of the crystal along the body's axes
-    damage : pd.CriticalStretch, surface : `upscaling.surfaces.Surface` it is from; None where bonds do not break
+    damage : pd.CriticalStretch, Gc : fracture energy and surface : `upscaling.surfaces.Surface` it is from; None where
+        bonds do not break. given : whether Gc was, so that it is not 2γ
+    strength : `upscaling.surfaces.Strength` of the crystal beside that of the bonds
     """
 
     material: object
@@ -32,6 +34,10 @@ class Isotropic:
     crystal_vv: np.ndarray = None
     damage: object = None
     surface: object = None
+    Gc: float | None = None
+    strength: object = None
+    given: bool = False
+    horizon: float = np.nan
 
     @property
     def error(self) -> float:
@@ -41,6 +47,8 @@ class Isotropic:
     def lines(self, units) -> list[str]:
         """What it is, what it gets exactly and what not: for a person."""
         p = lambda v: f"{units.to_user('pressure', v):.5g}"  # noqa: E731
+        if self.C.crystal.dimension == 2:
+            return self._lines_in_plane(p, units)
         c11, c12, c44 = self.C.cubic
         # σ along a cube axis at the uniaxial strain that the cell prescribes
         along = (self.bulk + 4 / 3 * self.wanted_vv[3, 3]) / c11 - 1
@@ -55,16 +63,49 @@ class Isotropic:
             *self._fracture(units),
         ]
 
+    def _lines_in_plane(self, p, units) -> list[str]:
+        c11, c12, c66 = (self.C.C_vv[k] for k in ((0, 0), (0, 1), (5, 5)))
+        return [
+            f"material: isotropic ({self.material.name}) in plane strain, lambda + mu {p(self.bulk + self.shear / 3)}, "
+            f"mu {p(self.shear)} {units.label('pressure')} of C11 {p(c11)}, C12 {p(c12)}, C66 {p(c66)}",
+            "exact: small strains",
+            "not exact: nonlinearity, dispersion of the crystal",
+            f"the nodes' elastic constants differ from the material's by at most {100 * self.error:.2g} %",
+            *self._fracture(units),
+        ]
+
     def _fracture(self, units) -> list[str]:
         if self.damage is None:
             return []
-        gamma = self.surface.energy * units.to_user("energy", 1.0) / units.to_user("length", 1.0) ** 2
+        d = self.C.crystal.dimension
+        per_area = units.to_user("energy", 1.0) / units.to_user("length", 1.0) ** (d - 1)
+        unit = f"{units.label('energy')}/{units.label('length')}" + ("^2" if d == 3 else "")
         plane = "".join(map(str, self.surface.plane))
+        gamma = f"2 gamma({plane}) = {2 * self.surface.energy * per_area:.4g} {unit}"
+        among = "{100}, {110}, {111}" if d == 3 else "rows {01}, {1-1}"
+        Gc = (
+            f"Gc = {self.Gc * per_area:.4g} {unit}, as given; {gamma}"
+            if self.given
+            else f"Gc = {gamma}, the least of {among}: a lower bound, nothing else is dissipated"
+        )
+        p = lambda v: f"{units.to_user('pressure', v):.4g} {units.label('pressure')}"  # noqa: E731
+        own, s = self.nodes_strength, self.strength
+        # Strength goes with the root of the horizon's inverse.
+        length = f"{units.to_user('length', self.horizon * (own / s.stress) ** 2):.3g} {units.label('length')}"
         return [
-            f"fracture: Gc = 2 gamma({plane}) = {2 * gamma:.4g} {units.label('energy')}/{units.label('length')}^2, the "
-            f"least of {{100}}, {{110}}, {{111}}: a lower bound, nothing else is dissipated; critical stretch "
-            f"{self.damage.s00:.4g}"
+            f"fracture: {Gc}; critical stretch {self.damage.s00:.4g}",
+            f"fracture: pulled apart without a crack the nodes part at {p(own)}, the crystal at {p(s.stress)}, strain "
+            f"{s.strain:.3g}, along the normal of ({plane}): both have Gc and strength at a horizon of {length} only; "
+            "blunt notches and defects break too "
+            + ("easily" if own < s.stress else "late")
+            + " in the twin, long sharp "
+            "cracks do not notice",
         ]
+
+    @property
+    def nodes_strength(self) -> float:
+        """The stress in uniaxial strain at which the longest stretched bonds break."""
+        return float(self.damage.s00 * self.wanted_vv[0, 0])
 
     def after(self, simulation) -> list[str]:
         """What a run showed, for a person."""
@@ -91,6 +132,15 @@ def isotropic_vv(K, G) -> np.ndarray:
     return C
 
 
+def hill_in_plane(C_vv) -> tuple[float, float]:
+    """λ + μ and μ of a crystal in the plane, from constants in Voigt's notation: means of Voigt's and Reuss's."""
+    C = C_vv[np.ix_((0, 1, 5), (0, 1, 5))]
+    sums = lambda M: (M[0, 0] + M[1, 1] + 2 * M[0, 1], M[0, 0] + M[1, 1] - 2 * M[0, 1], M[2, 2])  # noqa: E731
+    a, b, c = sums(C)
+    p, q, r = sums(np.linalg.inv(C))
+    return float((a / 4 + 1 / p) / 2), float(((b + 4 * c) / 8 + 2 / (q + r)) / 2)
+
+
 def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
     """PMB or LPS of a relaxed crystal under its potential; moduli that its nodes would miss by more than 10 % are
     refused."""
@@ -100,13 +150,23 @@ def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
     C = elastic_constants(crystal, model)
     if not C.stable:
         raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
-    K, G = hill(C.C_vv)
+    plane = {}
+    if crystal.dimension == 2:
+        area, G = hill_in_plane(C.C_vv)
+        # In plane strain lambda + mu is K + G/3.
+        K, plane = area - G / 3, {"dimension": 2, "plane": "strain"}
+    else:
+        K, G = hill(C.C_vv)
     material = pd.LPS(bulk=K, shear=G) if law == "lps" else pd.PMB(bulk=K)
     wanted = isotropic_vv(K, G if law == "lps" else 0.6 * K)
-    c11, c12, c44 = C.cubic
-    found = Isotropic(
-        material, K, G, 2 * c44 / (c11 - c12), C, sampled_constants(material, step_cc, horizon, crystal.density), wanted
-    )
+    sampled = sampled_constants(material, step_cc, horizon, crystal.density, components=crystal.strains, **plane)
+    if plane:
+        inside = np.isin(np.arange(6), crystal.strains)
+        wanted, sampled = (np.where(np.outer(inside, inside), M, 0.0) for M in (wanted, sampled))
+        c11, c12, c44 = C.C_vv[0, 0], C.C_vv[0, 1], C.C_vv[5, 5]
+    else:
+        c11, c12, c44 = C.cubic
+    found = Isotropic(material, K, G, 2 * c44 / (c11 - c12), C, sampled, wanted, horizon=horizon)
     if not found.error <= MODULI_REFUSE:
         raise AtcError(
             f"the nodes' elastic constants would miss the material's by {100 * found.error:.3g} %: take a larger "

@@ -12,7 +12,9 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning, heard
 from ..frame import Frame
-from ..upscaling.crystal import Crystal, evaluate, relax
+from ..planar import planar
+from ..readers.planar import matched
+from ..upscaling.crystal import PLANAR_STRUCTURES, STRUCTURES, Crystal, evaluate, relax
 from .body import TwinBody, body_of, body_of_atoms
 from .choice import atoms_horizon, horizon_of, orientation, twin_material
 from .comparison import PAIRS, add_constants, add_norms, away_from_surfaces, dataset_of, norms, without_cohesion
@@ -25,7 +27,7 @@ from .conditions import (
     history,
     smoothed_displacement,
 )
-from .crack import Crack, add_crack, crack_lines, unit_vector
+from .crack import add_crack, crack_lines, crack_of, notches_of, require_crossed
 from .damage import NearestBonds, add_damage, on_grid
 from .nodes import add_nodes, classical_of
 from .outside import add_indenters, from_script, indenters
@@ -146,7 +148,9 @@ def _twin(scene, tell, progress) -> Twin:
     if get("nodes") == "atoms":
         made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, law))
     else:
-        made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get))
+        notches = notches_of(scene, get, length, reference.dimension)
+        made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get), notches)
+        require_crossed(scene, made.body)
     material = twin_material(get, crystal, law, orientation(scene), made, reference, scene.equilibrium)
 
     run = Run(traj, reference)
@@ -170,8 +174,9 @@ def _twin(scene, tell, progress) -> Twin:
         if tell is not None:
             tell(line)
 
-    bonds = NearestBonds(reference, crystal) if getattr(material, "damage", None) is not None else None
-    crack = _crack(scene, get, made, reference, kernel, bonds, sim)
+    breaks = getattr(material, "damage", None) is not None
+    bonds = NearestBonds(reference, crystal, made.body.notches) if breaks else None
+    crack = crack_of(scene, get, made, reference, kernel, bonds, sim)
     md_damage, pd_damage, broken, tips, spent = [], [], [], [], []
     indenting, md_push, pd_push = indenters(script.forces), [], []
     md_nodes = [smoothed_displacement(f, reference, made.smoothing, made.body.X_nc) for f in frames]
@@ -272,8 +277,13 @@ def _inputs(scene) -> dict:
         if section not in scene.data:
             raise scene.need(section, f"a twin needs it, e.g. {example}")
     traj = scene.trajectory()
-    if traj.units.dimension == 2 or scene.get("trajectory", "dimension") == 2:
-        raise AtcError(f"{scene.name}: a twin is of a run in three dimensions, this one is in the plane")
+    traj, pot = matched(traj, scene.potential())
+    d = traj.units.dimension
+    if d == 2 and (scene.get("twin", "material", "isotropic") != "isotropic" or scene.get("twin", "reference_stress")):
+        raise AtcError(
+            f'{scene.where("twin", "material")}: [twin] the twin of a run in the plane is of material = "isotropic", '
+            "without reference_stress"
+        )
     grid = scene.grid()
     if grid.kind not in ("regular", "plane", "line", "points"):
         raise AtcError(
@@ -281,9 +291,11 @@ def _inputs(scene) -> dict:
             f"plane, line or points grid, not {grid.kind}"
         )
     reference = scene.reference()
-    reference = traj[0] if reference is None else reference
+    reference = traj[0] if reference is None else planar(reference) if d == 2 else reference
     reference.require("masses", why="the body of a twin")
-    return {"traj": traj, "pot": scene.potential(), "kern": scene.kernel(), "grid": grid, "reference": reference}
+    grid.require_dimension(d)
+    kern = scene.kernel().in_dimension(d)
+    return {"traj": traj, "pot": pot, "kern": kern, "grid": grid, "reference": reference}
 
 
 def _crystal(scene, get, reference, pot, units):
@@ -293,6 +305,12 @@ def _crystal(scene, get, reference, pot, units):
         raise AtcError(
             f'{scene.where("twin")}: [twin] needs structure and lattice_constant (a start), e.g. structure = "fcc" and '
             "lattice_constant = 5.3"
+        )
+    flat = units.dimension == 2
+    if flat != (structure in PLANAR_STRUCTURES):
+        raise AtcError(
+            f"{scene.where('twin', 'structure')}: [twin] structure: a run in {'the plane' if flat else 'space'} has "
+            f"one of {', '.join(PLANAR_STRUCTURES if flat else STRUCTURES)}, not {structure}"
         )
     kinds = np.unique(reference.types)
     masses = [float(units.to_user("mass", reference.masses[reference.types == t][0])) for t in kinds]
@@ -306,7 +324,7 @@ def _crystal(scene, get, reference, pot, units):
         masses = masses[:1]
     elif np.ptp(masses) == 0:
         masses = masses[:1]
-    crystal = Crystal.cubic(structure, a, masses, units)
+    crystal = Crystal.planar(structure, a, masses[0], units) if flat else Crystal.cubic(structure, a, masses, units)
     crystal.types = np.full(len(crystal), kinds[0]) if len(masses) == 1 else crystal.types
     return relax(crystal, pot)
 
@@ -337,26 +355,6 @@ def _indenter(scene, get, units):
         get(keys[1]) * units.length,
         get(keys[2]) * units.factor("force") / units.length**2,
     )
-
-
-def _crack(scene, get, made, reference, kernel, bonds, sim):
-    """What follows the crack, where [twin] says along which direction it runs."""
-    if get("crack_direction") is None:
-        if get("crack_normal") is not None:
-            raise AtcError(f"{scene.where('twin', 'crack_normal')}: [twin] crack_normal needs crack_direction too")
-        return None
-    if bonds is None:
-        raise AtcError(
-            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction: a crack is followed where bonds break: "
-            "fracture = true"
-        )
-    if get("crack_normal") is None:
-        raise AtcError(
-            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction needs crack_normal too, the normal of "
-            "the crack's plane"
-        )
-    along, normal = (unit_vector(get(k), k) for k in ("crack_direction", "crack_normal"))
-    return Crack(made, reference, kernel, bonds, sim, along, normal)
 
 
 def _start(first, reference, made, material, conditions, forces, motion):
@@ -421,8 +419,8 @@ def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
         )
         return found.rename({PAIRS[n][0]: PAIRS[n][1] for n in names if PAIRS[n][0] != PAIRS[n][1]})
     # The twin's numbers are internal ones; results are reported in the run's units.
-    frame, bonds = pd.snapshot(sim, units="lj")
-    reference = pd.reference_frame(sim, units="lj")
+    frame, bonds = pd.snapshot(sim, units="lj", planar=units.dimension == 2)
+    reference = pd.reference_frame(sim, units="lj", planar=units.dimension == 2)
     bonds.units = units
     frame, reference = frame.replace(units=units), reference.replace(units=units)
     asked = [*(PAIRS[n][1] for n in names), "virial_stress_potential"]
@@ -433,7 +431,7 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames, scr
     """What the twin is, before it runs."""
     p = lambda what, v: f"{units.to_user(what, v):.5g} {units.label(what)}"  # noqa: E731
     body = made.body
-    edges = ", ".join(f"{units.to_user('length', e):.4g}" for e in np.linalg.norm(made.step_cc, axis=1))
+    edges = ", ".join(f"{units.to_user('length', e):.4g}" for e in made.edges)
     stress = pot.stream(reference).virial_cc / body.V_n.sum()
     own = ", ".join(f"{units.to_user('pressure', v):.3g}" for v in np.diag(stress))
     lines = [

@@ -26,6 +26,9 @@ STRUCTURES = {
     "diamond": ([[0, 0, 0], [0.25, 0.25, 0.25]], [[0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [0.5, 0.5, 0.0]]),
 }
 
+#: Crystals of runs in the plane: the same, with one unit of length along z, which does not repeat.
+PLANAR_STRUCTURES = {"hexagonal": ([[0, 0, 0]], [[1.0, 0.0, 0.0], [0.5, 0.75**0.5, 0.0], [0.0, 0.0, 1.0]])}
+
 #: Weights of the central difference of sixth order, (f(h) − f(−h)) w1 + ...
 STENCIL = ((1, 0.75), (2, -0.15), (3, 1.0 / 60.0))
 
@@ -103,6 +106,29 @@ class Crystal:
         return cls(vectors * a, basis * a, masses, u, types, np.eye(3) * a, structure, names)
 
     @classmethod
+    def planar(cls, structure: str, lattice_constant: float, mass: float, units: str | Units) -> Crystal:
+        """One of the `PLANAR_STRUCTURES`: "hexagonal", the triangular lattice, with close-packed rows along x; the unit
+        system becomes that of a run in the plane.
+
+        Parameters
+        ----------
+        lattice_constant, mass : in the units `units`
+        """
+        from ..units import units as get
+
+        u = get(units).planar
+        if structure not in PLANAR_STRUCTURES:
+            raise AtcError(
+                f"structure {structure!r}: a run in the plane has one of {', '.join(PLANAR_STRUCTURES)}, none of three "
+                "dimensions"
+            )
+        a = float(u.to_internal("length", lattice_constant))
+        if not (np.isfinite(a) and a > 0):
+            raise AtcError(f"lattice_constant = {lattice_constant}: expected a length greater than 0")
+        basis, vectors = (np.array(v, float) * [a, a, 1.0] for v in PLANAR_STRUCTURES[structure])
+        return cls(vectors, basis, u.to_internal("mass", mass), u, name=structure)
+
+    @classmethod
     def from_frame(cls, frame: Frame, conventional=None, name: str | None = None) -> Crystal:
         """The whole frame as one unit cell; it must be periodic and have masses."""
         if not frame.cell.periodic.all():
@@ -138,6 +164,16 @@ class Crystal:
     def __len__(self):
         return len(self.positions)
 
+    @property
+    def dimension(self) -> int:
+        """3, or 2 for a crystal in the plane, whose volume is an area."""
+        return self.units.dimension
+
+    @property
+    def strains(self) -> tuple:
+        """Which of Voigt's components a strain of it can have."""
+        return (0, 1, 5) if self.dimension == 2 else tuple(range(6))
+
     @cached_property
     def volume(self) -> float:
         return float(abs(np.linalg.det(self.vectors)))
@@ -159,15 +195,7 @@ class Crystal:
 
     def frame(self) -> Frame:
         """The unit cell as a periodic frame."""
-        return Frame(
-            self.positions,
-            Cell(self.vectors),
-            self.units,
-            types=self.types,
-            masses=self.masses,
-            source=self.name,
-            type_names=dict(self.type_names),
-        )
+        return self.supercell((1, 1, 1))[0]
 
     def strained(self, strain=None, displacements=None) -> Crystal:
         """Under a homogeneous deformation x → (1 + strain) x, and basis atoms displaced by `displacements` (n, 3) on
@@ -184,7 +212,7 @@ class Crystal:
 
     def with_lattice_constant(self, a: float) -> Crystal:
         """Scaled so that `lattice_constant` is a (the user's units)."""
-        return self.strained((a / self.lattice_constant - 1.0) * np.eye(3))
+        return self.strained((a / self.lattice_constant - 1.0) * np.diag(np.arange(3) < self.dimension).astype(float))
 
     def lattice_points(self, repeat) -> np.ndarray:
         """(m, 3) integers: the cells of a repeat × repeat × repeat block."""
@@ -198,7 +226,7 @@ class Crystal:
         x = (cells @ self.vectors)[:, None, :] + self.positions[None]
         frame = Frame(
             x.reshape(-1, 3),
-            Cell(self.vectors * np.array(repeat)[:, None]),
+            Cell(self.vectors * np.array(repeat)[:, None], periodic=np.arange(3) < self.dimension),
             self.units,
             types=np.tile(self.types, len(cells)),
             masses=np.tile(self.masses, len(cells)),
@@ -306,7 +334,7 @@ def response(crystal: Crystal, model, step: float = 1e-4) -> Response:
 
     stress, f = at()
     born, lam = np.zeros((6, 6)), np.zeros((3 * n, 6))
-    for v in range(6):
+    for v in crystal.strains:
         for m, w in STENCIL:
             (sp, fp), (sm, fm) = at(m * step * unit_strain(v)), at(-m * step * unit_strain(v))
             born[:, v] += w / step * (sp - sm)

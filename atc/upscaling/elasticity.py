@@ -67,7 +67,8 @@ class ElasticConstants:
     @property
     def stable(self) -> bool:
         """Born's criterion: C positive definite."""
-        return bool(np.linalg.eigvalsh(0.5 * (self.C_vv + self.C_vv.T)).min() > 0)
+        C = self.C_vv[np.ix_(self.crystal.strains, self.crystal.strains)]
+        return bool(np.linalg.eigvalsh(0.5 * (C + C.T)).min() > 0)
 
 
 #: GPa per eV/Å³
