@@ -48,6 +48,12 @@ def _positive(v):
     return v
 
 
+def _part(v):
+    if _positive(v) > 1:
+        raise ValueError("it must be at most 1")
+    return v
+
+
 def _count(v):
     if isinstance(v, bool) or not isinstance(v, int):
         raise ValueError
@@ -239,6 +245,7 @@ for _check, _json in (
     (_number, {"type": "number"}),
     (_not_negative, {"type": "number", "minimum": 0}),
     (_positive, {"type": "number", "exclusiveMinimum": 0}),
+    (_part, {"type": "number", "exclusiveMinimum": 0, "maximum": 1}),
     (_count, {"type": "integer", "minimum": 1}),
     (_seed, {"type": "integer", "minimum": 0}),
     (_integer, {"type": "integer"}),
@@ -537,8 +544,8 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "structure": Key(_choice(_twin_structures), 'a cubic structure, e.g. "fcc"; in the plane "hexagonal"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
         "material": Key(
-            _choice(["isotropic", "cauchy-born", "linear", "smoothed", "measured"]),
-            '"isotropic", "cauchy-born", "linear", "smoothed" or "measured"',
+            _choice(["isotropic", "cauchy-born", "linear", "coarsened", "smoothed", "measured"]),
+            '"isotropic", "cauchy-born", "linear", "coarsened", "smoothed" or "measured"',
         ),
         "equilibrium": Key(
             _string, 'the trajectory of the perfect crystal in equilibrium, e.g. "still.dump"', path=True
@@ -562,6 +569,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
         "motion": Key(_choice(["dynamic", "static"]), '"dynamic" or "static"'),
+        "safety": Key(_part, "steps in parts of the stable one, greater than 0 and at most 1, e.g. 0.2"),
         "grips": Key(
             _list_of(_list_of(_list_of(_number, 3), 2)),
             "boxes [[x, y, z], [x, y, z]] between two corners, e.g. [[[0, 0, 0], [10, 99, 99]]]",

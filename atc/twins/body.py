@@ -38,7 +38,14 @@ class TwinBody:
 
 
 def body_of(
-    reference, kernel, bulk: float, spacing: float, horizon: float | None, spacings: float = HORIZON, notches=()
+    reference,
+    kernel,
+    bulk: float,
+    spacing: float,
+    horizon: float | None,
+    spacings: float = HORIZON,
+    notches=(),
+    through=None,
 ) -> TwinBody:
     """Nodes where the smoothed density is at least half of the bulk's; holes, surfaces and cracks included.
 
@@ -49,6 +56,8 @@ def body_of(
     spacing : wanted distance of nodes; along each edge the nearest one that divides the cell's edge is taken
     horizon : default `spacings` times the largest distance of neighbouring nodes
     notches : `pd.Notch` objects that cut bonds, which count as broken from the start
+    through : (3,) a place that the lattice of nodes goes through, along periodic axes; default: it lies as far from
+        one face of the cell as from the other
 
     Returns
     -------
@@ -62,7 +71,11 @@ def body_of(
     lengths = np.linalg.norm(cell.vectors, axis=1)
     counts = np.where(np.arange(3) < d, np.maximum(np.rint(lengths / spacing).astype(int), 1), 1)
     step = cell.vectors / counts[:, None]
-    s = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    shift = np.full(3, 0.5)
+    if through is not None:
+        shift = np.where(cell.periodic, cell.fractional(np.reshape(through, (1, 3)))[0] * counts % 1.0, shift)
+    s = np.stack(np.meshgrid(*((np.arange(n) + o) / n for n, o in zip(counts, shift)), indexing="ij"), axis=-1)
+    s = s.reshape(-1, 3)
     X = cell.cartesian(s)
     if d == 2:
         X[:, 2] = reference.positions[0, 2]

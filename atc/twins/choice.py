@@ -47,6 +47,10 @@ def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
         from .linear import linear
 
         return linear(crystal, model, axes, made, get("nodes") == "atoms")
+    if get("material") == "coarsened":
+        from .linear import coarsened
+
+        return coarsened(crystal, model, axes, made)
     if get("material") == "measured":
         from .linear import measured
 

@@ -1,20 +1,23 @@
-"""The material ``linear`` of a twin: springs between nodes that carry the crystal's small waves."""
+"""The materials ``linear``, ``measured`` and ``coarsened`` of a twin: springs between nodes that carry the crystal's
+small waves, or its answer to loads at rest."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import AtcError
 from ..upscaling.cauchy_born import cubic_of
+from ..upscaling.coarsening import CoarsenedKernel, coarsen
 from ..upscaling.elasticity import elastic_constants
 from ..upscaling.force_constants import force_constants
 from ..upscaling.node_kernel import FRACTIONS, node_kernel, wave_constants
 from .material import hill
 
-#: How far bonds may be from the crystal's, in parts of the nearest neighbours' distance.
-_OFF = 0.15
+#: How far bonds may be from the crystal's, in parts of the nearest neighbours' distance; how far nodes' steps may be
+#: from the relaxed crystal's lattice vectors for its coarsening, in parts of the step.
+_OFF, _STRAIN = 0.15, 0.02
 
 
 @dataclass
@@ -22,7 +25,7 @@ class LinearTwin:
     """Harmonic crystal on the nodes (internal units).
 
     material : pd.Linear. C : ElasticConstants. bulk, shear : Hill averages
-    kernel : NodeKernel, or `LatticeSprings` where the nodes are the atoms
+    kernel : NodeKernel, CoarsenedKernel, or `LatticeSprings` where the nodes are the atoms
     sampled_vv, wanted_vv : (6, 6) elastic constants of the nodes and of the crystal
     found : Fluctuations, where they are measured ones
     """
@@ -41,6 +44,10 @@ class LinearTwin:
         return self.C.C_vv
 
     @property
+    def coarsened(self) -> bool:
+        return isinstance(self.kernel, CoarsenedKernel)
+
+    @property
     def error(self) -> float:
         return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())
 
@@ -48,15 +55,22 @@ class LinearTwin:
         """What it is, what it gets exactly and what not: for a person."""
         p = lambda v: f"{units.to_user('pressure', v):.5g}"  # noqa: E731
         c11, c12, c44 = cubic_of(self.wanted_vv)
+        kind = "linear, springs of the crystal's dispersion"
+        if self.coarsened:
+            kind = f"coarsened, springs of nodes for {self.kernel.cells} cells each, all else at rest given them"
         out = self._measured(units) or [
-            f"material: linear, springs of the crystal's dispersion: C11 {p(c11)}, C12 {p(c12)}, C44 {p(c44)} "
-            f"{units.label('pressure')}"
+            f"material: {kind}: C11 {p(c11)}, C12 {p(c12)}, C44 {p(c44)} {units.label('pressure')}"
         ]
         if isinstance(self.kernel, LatticeSprings):
             out.append("exact: every small motion of the atoms (the force constants themselves)")
         else:
             errors = ", ".join(f"{100 * e:.2g} % at {f:g}" for e, f in zip(self.kernel.error_f, FRACTIONS))
             out.append(f"exact: elastic constants of waves (nodes within {self.error:.1g}); stable over the whole zone")
+            if self.coarsened:
+                out.append(
+                    "nearly exact: what forces on single nodes do at rest, but for the "
+                    f"{100 * self.kernel.beyond:.2g} % of the springs that the horizon cuts off (fitted to make up)"
+                )
             out.append(f"not exact: ω of the worst branch off by at most {errors} of the nodes' zone boundary")
         out.append(
             "not exact: finite strains and rotations, surfaces (springs that pull across their bond resist a rotation "
@@ -83,11 +97,52 @@ class LinearTwin:
 
 def linear(crystal, model, axes, made, atoms: bool) -> LinearTwin:
     """Springs of a relaxed crystal on the nodes of a `TwinBody`, or on the atoms themselves."""
+    return on_nodes(*_springs_of(crystal, model, axes), made, atoms)
+
+
+def coarsened(crystal, model, axes, made) -> LinearTwin:
+    """Silling's coarsening of a relaxed crystal to the nodes of a `TwinBody` (see `upscaling.coarsening`).
+
+    The springs are those of nodes on the crystal's own lattice; the run's cell may strain it a little.
+    """
+    from .. import pd
+
+    fc, C = _springs_of(crystal, model, axes)
+    step, turned = made.step_cc, fc.crystal
+    own = np.rint(step @ np.linalg.inv(turned.vectors)) @ turned.vectors
+    size, wanted = np.linalg.norm(own, axis=1), np.linalg.norm(step, axis=1)
+    off = np.linalg.norm(step - own, axis=1) / wanted
+    if not (off <= _STRAIN).all():
+        u = turned.units
+        length = ", ".join(f"{u.to_user('length', d):.5g}" for d in wanted)
+        a = u.to_user("length", np.linalg.norm(turned.conventional[0]))
+        raise AtcError(
+            "[twin] material: coarsened keeps cells of the crystal as nodes, but the steps from node to node "
+            f"({length} {u.label('length')}) are up to {100 * off.max():.2g} % off its lattice vectors: take a spacing "
+            f"that divides the run's cell in multiples of the lattice constant ({a:.5g}), and the run's orient"
+        )
+    kernel = coarsen(fc, C, own, made.body.horizon * size.max() / wanted.max())
+    kernel = replace(kernel, step_cc=step, volume=abs(np.linalg.det(step)))
+    return LinearTwin(pd.Linear(kernel), C, *hill(C.C_vv), kernel, wave_constants(kernel), C.C_vv)
+
+
+def kept_place(reference, crystal, axes) -> np.ndarray:
+    """(3,) where a cell of the crystal near the middle of a reference has its centre of mass: a node of `coarsened`."""
+    from .smoothed import basis_of
+
+    turned = crystal.strained(axes.T - np.eye(3))
+    centre = turned.masses @ turned.positions / turned.masses.sum()
+    k = int(np.argmin(np.linalg.norm(reference.positions - reference.cell.cartesian(np.full((1, 3), 0.5)), axis=1)))
+    return reference.positions[k] - (turned.positions[basis_of(reference, turned)[k]] - centre)
+
+
+def _springs_of(crystal, model, axes):
+    """Force constants and elastic constants of a relaxed crystal turned to its axes."""
     turned = crystal.strained(axes.T - np.eye(3))
     fc, C = force_constants(turned, model), elastic_constants(turned, model)
     if not C.stable:
         raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
-    return on_nodes(fc, C, made, atoms)
+    return fc, C
 
 
 def measured(crystal, axes, made, traj) -> LinearTwin:

@@ -3,12 +3,13 @@ place."""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..decomposers.outside import Constant, Friction, Indenter, Put, Wall
-from ..errors import AtcError
+from ..decomposers.outside import Along, Constant, Friction, Indenter, Put, Wall
+from ..errors import AtcError, AtcWarning
 from ..frame import Frame
 from .conditions import mapped
 from .smoothed import Shape
@@ -27,7 +28,8 @@ class FromScript:
 class NodeForce:
     """A law for the force on an atom, on nodes: each feels it as often as it has the mass of an atom; or, given the
     atoms, on the places where the nodes carry these, with the work-conjugate forces on the nodes. What pushes a surface
-    must meet the atoms' surface: the outermost nodes lie up to half their distance below it.
+    must meet the atoms' surface (the outermost nodes lie up to half their distance below it), and the sum of the forces
+    on some of the atoms must stay what it is.
 
     Parameters
     ----------
@@ -85,49 +87,76 @@ def from_script(pot, reference, made, indenter=None) -> FromScript:
 
     Notes
     -----
-    Atoms of ``fix move``, and those whose forces are set to constants (``fix setforce 0 0 0``, ``freeze``), move as
-    somebody wanted: the nodes made of them follow their smoothed displacement. Friction and noise are left out.
+    Atoms of ``fix move``, and those whose forces are set to constants (``fix setforce 0 0 0``, ``freeze``) or lose
+    components (``lineforce``, ``planeforce`` of an axis), move there as somebody wanted: the nodes made of them follow
+    their smoothed displacement. Friction and noise are left out.
     """
     held = np.zeros((len(reference), 3), bool)
     forces, lines, left = [], [], []
     mass = reference.masses.mean()
     share = lambda inside: made.smoothing.share(inside) >= 0.5  # noqa: E731
-    add = lambda law, inside: forces.append(  # noqa: E731
-        NodeForce(law, share(inside), mass, reference.cell, reference.units, inside, carried if surface(law) else None)
-    )
     surface = lambda law: callable(law) or isinstance(law, Indenter | Wall)  # noqa: E731
     acting = getattr(pot, "acting", None)
-    pushed = indenter is not None or any(map(surface, acting.laws if acting is not None else ()))
-    carried = (reference.positions, shape_of(reference, made)) if pushed else None
+    laws = acting.laws if acting is not None else ()
     moved = tuple(getattr(pot, "moved", ()))
-    named = moved or (acting is not None and acting.laws)
-    frame = _with_groups(pot, reference, moved) if named and pot.setup is not None else reference
+    frame = _with_groups(pot, reference, moved) if (moved or laws) and pot.setup is not None else reference
+    carried = None
+
+    def add(law, inside):
+        """What pushes a surface or only some of the atoms acts on the atoms, so that nothing of it is lost."""
+        nonlocal carried
+        some = surface(law) or not inside.all()
+        if some and carried is None:
+            carried = (reference.positions, shape_of(reference, made))
+        who = share(inside)
+        forces.append(NodeForce(law, who, mass, reference.cell, reference.units, inside, carried if some else None))
+        return "the places of the atoms, which nodes carry" if some else "every atom's mass of the nodes"
+
+    def hold(inside, components, what, name):
+        nodes = share(inside)
+        held[inside] |= components
+        if not nodes.any():
+            warnings.warn(
+                f"{what} of group {name}: no node has half of its mass from these {int(inside.sum())} atoms, so that "
+                "none is held: take a smaller spacing or kernel radius, or name nodes by grips",
+                AtcWarning,
+                stacklevel=3,
+            )
+        lines.append(f"{what} of group {name}: held at the smoothed displacement of its atoms ({nodes.sum()} nodes)")
+
     for k, name in enumerate(moved):
         bit = frame.groups >> (len(pot.setup.groups) + k) if name != "all" else np.ones(len(frame), np.int64)
-        held[(bit & 1) == 1] = True
-        lines.append(f"fix move of group {name}: held at the smoothed displacement of its atoms")
-    for law in acting.laws if acting is not None else ():
+        hold((bit & 1) == 1, np.ones(3, bool), "fix move", name)
+    for law in laws:
         inside = law.group.inside(frame, law.where)
+        what = f"fix {law.name}"
         if isinstance(law, Put):
-            held |= inside[:, None] & np.array([v is not None for v in law.values])
-            lines.append(f"fix {law.name} of group {law.group.name}: held at the smoothed displacement of its atoms")
-        elif isinstance(law, Friction) or (isinstance(law, Constant) and law.per == "charges"):
-            left.append(f"fix {law.name}")
+            hold(inside, np.array([v is not None for v in law.values]), what, law.group.name)
+        elif isinstance(law, Along) and (free := _free_axes(law)) is not None:
+            hold(inside, ~free, what, law.group.name)
+        elif isinstance(law, Friction | Along) or (isinstance(law, Constant) and law.per == "charges"):
+            left.append(what)
         else:
-            add(law, inside)
-            what = "the places of the atoms, which nodes carry" if surface(law) else "every atom's mass of the nodes"
-            lines.append(f"fix {law.name} of group {law.group.name}: the same force on {what}")
+            lines.append(f"{what} of group {law.group.name}: the same force on {add(law, inside)}")
     left += [
         other for other in (acting.others if acting is not None else ()) if indenter is None or "indent" not in other
     ]
     if indenter is not None:
         centre, velocity, radius, stiffness = indenter
         law = Indenter(name="indent", shape="sphere", radius=radius, stiffness=stiffness)
-        add(lambda t: replace(law, centre=tuple(centre + t * velocity)), np.ones(len(reference), bool))
-        lines.append("indenter of [twin]: the same force on the places of the atoms, which nodes carry")
+        on = add(lambda t: replace(law, centre=tuple(centre + t * velocity)), np.ones(len(reference), bool))
+        lines.append(f"indenter of [twin]: the same force on {on}")
     if left:
         lines.append(f"left out of what the script does to atoms: {', '.join(left)}")
     return FromScript(held, forces, lines)
+
+
+def _free_axes(law):
+    """(3,) which components a force along an axis, or in the plane normal to one, leaves; None for other directions."""
+    along = np.abs(np.array(law.direction)) > 1e-9 * np.linalg.norm(law.direction)
+    if along.sum() != 1:
+        return None
+    return ~along if law.plane else along
 
 
 def shape_of(reference, made):

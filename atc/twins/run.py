@@ -29,8 +29,12 @@ from .conditions import (
 )
 from .crack import add_crack, crack_lines, crack_of, notches_of, require_crossed
 from .damage import NearestBonds, add_damage, on_grid
+from .linear import kept_place
 from .nodes import add_nodes, classical_of
 from .outside import add_indenters, from_script, indenters
+
+#: Steps in parts of the stable one: those of velocity Verlet put the phase of a wave (ω dt)²/24 ahead.
+SAFETY = 0.7
 
 
 @dataclass
@@ -45,6 +49,8 @@ class Twin:
     rows : the norms, one dict for each field and region
     lines : what was decided before the run
     body : TwinBody. material : what `twin_material` made. simulation : pd.Simulation after the run (internal units)
+    cost : {"nodes", "steps" (of a static twin: evaluations of the forces), "material", "seconds"}: CPU seconds that
+        making the material and running the nodes took
     """
 
     dataset: object
@@ -54,6 +60,7 @@ class Twin:
     material: object
     simulation: object
     name: str = field(default="twin")
+    cost: dict = field(default_factory=dict)
 
     def print(self, console) -> None:
         from rich.table import Table
@@ -74,6 +81,11 @@ class Twin:
                     f"mean stress of the box, {c}{c}: MD {md[i, i]:.5g}, PD {pd[i, i]:.5g} "
                     f"{ds['md_box_stress'].attrs.get('units', '')}"
                 )
+        c = self.cost
+        console.print(
+            f"the twin's run: {c['nodes']} nodes, {c['steps']} steps, {c['seconds']:.3g} CPU seconds; its material "
+            f"before that {c['material']:.3g}"
+        )
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
@@ -149,14 +161,26 @@ def _twin(scene, tell, progress) -> Twin:
         made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, law))
     else:
         notches = notches_of(scene, get, length, reference.dimension)
-        made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get), notches)
+        through = None
+        if get("material") == "coarsened":
+            through = kept_place(reference, crystal, orientation(scene))
+        made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get), notches, through)
         require_crossed(scene, made.body)
+    made_from = time.process_time()
     material = twin_material(get, crystal, law, orientation(scene), made, reference, scene.equilibrium)
+    cost = {"nodes": len(made.body), "steps": 0, "material": time.process_time() - made_from, "seconds": 0.0}
 
     run = Run(traj, reference)
     frames = [run[k] for k in range(len(run))]
     step = get("timestep")
-    motion = get("motion", "dynamic")
+    motion, safety = get("motion", "dynamic"), get("safety", SAFETY)
+    if motion == "dynamic" and get("material") == "coarsened":
+        warnings.warn(
+            "[twin] material: coarsened springs are those of rest: waves of theirs are too slow (see the errors of ω): "
+            'take material = "linear" for waves, or motion = "static"',
+            AtcWarning,
+            stacklevel=3,
+        )
     times = (
         clock(frames, step and u.to_internal("time", step)) if motion == "dynamic" else np.arange(float(len(frames)))
     )
@@ -168,7 +192,18 @@ def _twin(scene, tell, progress) -> Twin:
     conditions = _grips(held, frames, reference, made, times)
     sim = _start(frames[0], reference, made, material, conditions, script.forces, motion)
     lines = _lines(
-        u, reference, pot, made, material, held.any(axis=1), motion, sim, frames, script.lines, get("reference_stress")
+        u,
+        reference,
+        pot,
+        made,
+        material,
+        held.any(axis=1),
+        motion,
+        safety,
+        sim,
+        frames,
+        script.lines,
+        get("reference_stress"),
     )
     for line in lines:
         if tell is not None:
@@ -190,7 +225,9 @@ def _twin(scene, tell, progress) -> Twin:
     found, names = [], ["density", "displacement", *(["velocity"] if motion == "dynamic" else []), "stress"]
     names.append("energy")
     for k in range(len(frames)):
-        _advance(sim, frames, times, k, motion)
+        start = time.process_time()
+        cost["steps"] += _advance(sim, frames, times, k, motion, safety)
+        cost["seconds"] += time.process_time() - start
         pd_nodes.append(sim.state.u_nc.copy())
         if indenting:
             md_push.append(-sum(law.on_atoms(frames[k], times[k]) for law in indenting))
@@ -263,7 +300,7 @@ def _twin(scene, tell, progress) -> Twin:
         nodes=len(made.body),
         **{f"{r['field']}_{r['where']}_{k}": r[k] for r in rows for k in ("difference_rms", "relative")},
     )
-    return Twin(data, rows, lines, made, material, sim, scene.name)
+    return Twin(data, rows, lines, made, material, sim, scene.name, cost)
 
 
 def _inputs(scene) -> dict:
@@ -375,26 +412,27 @@ def _start(first, reference, made, material, conditions, forces, motion):
     return sim
 
 
-def _advance(sim, frames, times, k, motion) -> None:
-    """From frame k − 1 to frame k, the cell on the straight way between theirs."""
+def _advance(sim, frames, times, k, motion, safety) -> int:
+    """From frame k − 1 to frame k, the cell on the straight way between theirs; the evaluations of forces it took."""
     if motion == "static":
         from .. import pd
 
         if k == 0 or sim.cell != frames[k].cell or sim.prescribed:
             deform(sim, frames[k].cell)
-            pd.relax(sim, time=times[k])
-        return
+            return pd.relax(sim, time=times[k]).evaluations
+        return 0
     if k == 0:
-        return
+        return 0
     a, b, gap = frames[k - 1].cell, frames[k].cell, times[k] - times[k - 1]
-    count = max(1, math.ceil(gap / (0.7 * sim.time_step_stable)))
+    count = max(1, math.ceil(gap / (safety * sim.time_step_stable)))
     sim.dt = gap / count
     if a == b:
         sim.step(count)
-        return
+        return count
     for m in range(count):
         deform(sim, between(a, b, (m + 1) / count))
         sim.step()
+    return count
 
 
 def _nodes(sim, units):
@@ -427,7 +465,7 @@ def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
     return fields([frame], bonds, kern, grid, asked, reference=reference, forces="ignore")
 
 
-def _lines(units, reference, pot, made, material, held, motion, sim, frames, script, added) -> list[str]:
+def _lines(units, reference, pot, made, material, held, motion, safety, sim, frames, script, added) -> list[str]:
     """What the twin is, before it runs."""
     p = lambda what, v: f"{units.to_user(what, v):.5g} {units.label(what)}"  # noqa: E731
     body = made.body
@@ -455,7 +493,9 @@ def _lines(units, reference, pot, made, material, held, motion, sim, frames, scr
     lines += script
     stable = p("time", sim.time_step_stable)
     if motion == "dynamic":
-        lines.append(f"stable step: surely below {stable}; taken are at most {p('time', 0.7 * sim.time_step_stable)}")
+        lines.append(
+            f"stable step: surely below {stable}; taken are at most {p('time', safety * sim.time_step_stable)}"
+        )
     elif np.isfinite(sim.time_step_stable):
         lines.append(f"stable step: {stable}; of no use in an equilibrium")
     lines.append(
