@@ -671,7 +671,7 @@ def _add_virial(r, G, virial):
     _put_symmetric(virial, xx, yy, zz, yz, xz, xy)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)
 def _put_symmetric(virial, xx, yy, zz, yz, xz, xy):
     virial[0, 0] += xx
     virial[1, 1] += yy

@@ -210,12 +210,16 @@ class _PairWork(Work):
         G[:] = 0.0
         for s, prepared in zip(term.styles, self.prepared, strict=True):
             s.add(self.types, i, j, d2, weights[s.weight], U, G, prepared)
-        energy, zeros, bad = _collect(i, j, U, G, acc.energies if acc.energies is not None else ONES)
-        if bad >= 0:
-            raise self._bad(int(i[bad]), int(j[bad]), float(np.sqrt(d2[bad])))
+        energy = float(U.sum())
+        if not np.isfinite(energy + float(G.sum())):
+            bad = np.flatnonzero(~np.isfinite(U + G))
+            if len(bad):
+                raise self._bad(int(i[bad[0]]), int(j[bad[0]]), float(np.sqrt(d2[bad[0]])))
         acc.energy += energy
+        if acc.energies is not None:
+            _share(i, j, U, acc.energies)
         # Only worth a copy where different cutoffs by type leave many idle pairs.
-        if zeros > 0.05 * n:
+        if n - np.count_nonzero(G) > 0.05 * n:
             n = _compact(i, j, r, G)
             return Bonds(i[:n], j[:n], r[:n], G[:n])
         return Bonds(i, j, r, G)
@@ -239,28 +243,12 @@ class _PairWork(Work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _collect(i, j, U, G, energies):
-    """Sum the energies (half to each atom), count pairs without force, find the first pair that is not finite (−1:
-    none)."""
-    total = 0.0
-    force = 0.0
-    zeros = 0
+def _share(i, j, U, energies):
+    """Half of each pair's energy to each of its atoms."""
     for b in range(len(U)):
-        total += U[b]
-        force += G[b]
-        zeros += 1 if G[b] == 0.0 else 0
-    bad = -1
-    if not np.isfinite(total + force):
-        for b in range(len(U)):
-            if not np.isfinite(U[b] + G[b]):
-                bad = b
-                break
-    if len(energies) > 0:
-        for b in range(len(U)):
-            u = 0.5 * U[b]
-            energies[i[b]] += u
-            energies[j[b]] += u
-    return total, zeros, bad
+        u = 0.5 * U[b]
+        energies[i[b]] += u
+        energies[j[b]] += u
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -45,16 +45,17 @@ def _core(loop, compiled):
 def stress_components(r_bc, G_b):
     """G r⊗r: xx, yy, zz, yz, xz, xy."""
     b_bk = np.empty((len(G_b), 6))
-    _outer(_array(r_bc), _array(G_b), b_bk)
+    put_stress(_array(r_bc), _array(G_b), 0, b_bk)
     return b_bk
 
 
 @njit(**ENTRY)
-def _outer(r_bc, G_b, b_bk):
+def put_stress(r_bc, G_b, at, out_bk):
+    """G r⊗r in columns at .. at+5: xx, yy, zz, yz, xz, xy."""
     for b in range(len(G_b)):
         x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
-        b_bk[b, 0], b_bk[b, 1], b_bk[b, 2] = G * x * x, G * y * y, G * z * z
-        b_bk[b, 3], b_bk[b, 4], b_bk[b, 5] = G * y * z, G * x * z, G * x * y
+        out_bk[b, at], out_bk[b, at + 1], out_bk[b, at + 2] = G * x * x, G * y * y, G * z * z
+        out_bk[b, at + 3], out_bk[b, at + 4], out_bk[b, at + 5] = G * y * z, G * x * z, G * x * y
 
 
 def _array(a, dtype=np.float64):
@@ -381,10 +382,9 @@ class PointsDeposit(Deposit):
         Found; a bond with many points may be in several
         """
         r_bc = _array(r_bc)
-        which = self._rooms(thread)[4]
         for n, pairs in self._pairs(_array(x_nc), _array(i_b, np.int32), r_bc, thread):
             if n:
-                bonds = which[: _points.renumber(n, pairs[1], which)].copy()
+                bonds = _points.renumber(pairs[1][:n])
                 yield Found(bonds, n, pairs, r_bc[bonds])
 
     def add_found(self, found, b_bk, thread=0):
@@ -403,13 +403,12 @@ class PointsDeposit(Deposit):
                 np.empty((3, most)),
                 np.empty(most, np.int64),
                 np.empty(most, np.int64),
-                np.empty(most, np.int64),
             )
         return self._room[thread]
 
     def _pairs(self, x_nc, i_b, r_bc, thread):
         """(how many, arrays) of pairs, as many at a time as there is room for."""
-        room, *pairs, _ = self._rooms(thread)
+        room, *pairs = self._rooms(thread)
         state = np.zeros(3, np.int64)
         while state[0] < len(r_bc):
             n = _points.find_pairs(

@@ -53,18 +53,6 @@ def scatter_moment(i, j, r_bc, F_bc, out_n9):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def put_size(r_bc, G_b, F_bc, out_bk):
-    """|F| |r| in the last column; F_bc empty: F = −G r."""
-    at = out_bk.shape[1] - 1
-    for b in range(len(G_b)):
-        r2 = r_bc[b, 0] * r_bc[b, 0] + r_bc[b, 1] * r_bc[b, 1] + r_bc[b, 2] * r_bc[b, 2]
-        if len(F_bc):
-            out_bk[b, at] = sqrt(r2 * (F_bc[b, 0] * F_bc[b, 0] + F_bc[b, 1] * F_bc[b, 1] + F_bc[b, 2] * F_bc[b, 2]))
-        else:
-            out_bk[b, at] = abs(G_b[b]) * r2
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def put_moment(r_bc, F_bc, at, out_bk):
     """−r⊗F in columns at .. at+8, as `tensors.general` takes it. What is across the bond by rounding alone is 0: such
     bonds cost a deposit less."""
@@ -96,19 +84,6 @@ def scatter_residual(i, j, F_bc, D_bdc, out_n4):
             square += f * f
         out_n4[p, 3] += sqrt(square)
         out_n4[q, 3] += sqrt(square)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def put_stress(r_bc, G_b, at, out_bk):
-    """G r⊗r in columns at .. at+5: xx, yy, zz, yz, xz, xy."""
-    for b in range(len(G_b)):
-        x, y, z, G = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2], G_b[b]
-        out_bk[b, at] = G * x * x
-        out_bk[b, at + 1] = G * y * y
-        out_bk[b, at + 2] = G * z * z
-        out_bk[b, at + 3] = G * y * z
-        out_bk[b, at + 4] = G * x * z
-        out_bk[b, at + 5] = G * x * y
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -33,7 +33,7 @@ def local_shifts(sums: Sums, deposits: Deposits, x_nc, factors, flux: bool = Fal
     eps = 64 * np.finfo(float).eps
     # How many thermal speeds away from c a point may be.
     limit = (_SHIFT_TOLERANCE / eps) ** (1 / 3 if flux else 1 / 2)
-    if within_thermal(np.ascontiguousarray(rho), v_gc, best, 0.99 * limit):
+    if within_thermal(rho, v_gc, best, 0.99 * limit):
         return None, None
     have = np.linalg.norm(v_gc, axis=1)
     done = False

@@ -206,17 +206,20 @@ def _total(buffers):
 
 def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc, size=False) -> np.ndarray:
     """(b, k) the named factors of Σ b β, side by side; |F| |r| too if `size`."""
+    from ..deposit.direct import put_stress
     from . import _numba
 
     out = np.empty((len(bonds), sum(widths) + size))
     if not len(bonds):  # which need not have sources either
         return out
     if size:
-        _numba.put_size(bonds.r_bc, bonds.G_b, bonds.forces() if bonds.F_bc is not None else np.zeros((0, 3)), out)
+        r2 = np.einsum("bc,bc->b", bonds.r_bc, bonds.r_bc)
+        F_bc = bonds.F_bc
+        out[:, -1] = np.abs(bonds.G_b) * r2 if F_bc is None else np.sqrt(r2 * np.einsum("bc,bc->b", F_bc, F_bc))
     at = 0
     for name, width in zip(names, widths):
         if name == "stress":
-            _numba.put_stress(bonds.r_bc, bonds.G_b, at, out)
+            put_stress(bonds.r_bc, bonds.G_b, at, out)
         elif name == "moment":
             _numba.put_moment(bonds.r_bc, bonds.forces(), at, out)
         elif name == "sources":

@@ -11,9 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..compiled import njit
 from .kinematics import eshelby, quotient_gradient
-from .tensors import full, general, quotient
+from .tensors import full, general, outer6, quotient
 
 #: A number density n − Σ m φ²/ρ below this share of n is that of an atom alone: it is known to 1e-13 of n or so.
 LONE = 1e-6
@@ -291,42 +290,21 @@ def kinetic_flux_about(mass_g1, momentum_gc, kinetic_g6, flux_gc, u_gc) -> np.nd
 def thermal(mass_g1, momentum_gc, kinetic_g6, u_gc=None) -> np.ndarray:
     """Σ m (c − u)⊗(c − u) φ = T − π⊗u − u⊗π + ρ u⊗u as 6 components, u = π/ρ if it is not given; its diagonal is a sum
     of squares, so what rounding leaves below 0 is cut off."""
-    if u_gc is not None:
+    if u_gc is None:
+        out = kinetic_g6 - outer6(quotient(momentum_gc, mass_g1[:, 0])) * mass_g1
+        out[~(mass_g1[:, 0] > 0)] = 0.0
+    else:
         p, u = momentum_gc, u_gc
         out = kinetic_g6.copy()
         for k, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))):
             out[:, k] += mass_g1[:, 0] * u[:, a] * u[:, b] - p[:, a] * u[:, b] - u[:, a] * p[:, b]
-        np.maximum(out[:, :3], 0.0, out=out[:, :3])
-        return out
-    out = np.empty((len(mass_g1), 6))
-    # Contiguous: for views of columns the kernel would be compiled once more.
-    _thermal(*(np.ascontiguousarray(a) for a in (mass_g1, momentum_gc, kinetic_g6)), out)
+    np.maximum(out[:, :3], 0.0, out=out[:, :3])
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _thermal(mass_g1, momentum_gc, kinetic_g6, out):
-    for g in range(len(out)):
-        m = mass_g1[g, 0]
-        if not m > 0:
-            out[g, :] = 0.0
-            continue
-        x, y, z = momentum_gc[g, 0] / m, momentum_gc[g, 1] / m, momentum_gc[g, 2] / m
-        out[g, 0] = max(kinetic_g6[g, 0] - x * x * m, 0.0)
-        out[g, 1] = max(kinetic_g6[g, 1] - y * y * m, 0.0)
-        out[g, 2] = max(kinetic_g6[g, 2] - z * z * m, 0.0)
-        out[g, 3] = kinetic_g6[g, 3] - y * z * m
-        out[g, 4] = kinetic_g6[g, 4] - x * z * m
-        out[g, 5] = kinetic_g6[g, 5] - x * y * m
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def within_thermal(rho_g, v_gc, thermal_g6, limit) -> bool:
     """Whether the speed is no more than so many thermal speeds wherever there is mass."""
-    for g in range(len(rho_g)):
-        if rho_g[g] > 0:
-            v2 = v_gc[g, 0] ** 2 + v_gc[g, 1] ** 2 + v_gc[g, 2] ** 2
-            heat = (thermal_g6[g, 0] + thermal_g6[g, 1] + thermal_g6[g, 2]) / rho_g[g]
-            if not v2 <= limit * limit * heat:
-                return False
-    return True
+    mass = rho_g > 0
+    v2 = np.einsum("gc,gc->g", v_gc, v_gc)
+    heat = quotient(thermal_g6[:, :3].sum(1), rho_g)
+    return bool((v2[mass] <= limit * limit * heat[mass]).all())

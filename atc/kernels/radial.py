@@ -396,7 +396,7 @@ def _radial_pairs(D, p2, length2, R2, c_at, series_at, bond_at, r_at, k):
     )
 
 
-@njit(**JIT)
+@njit(**JIT, no_cpython_wrapper=True)
 def _sum(d0, d1, d2, r2, radii, coef, first, g):
     """φ and its gradient from coefficients of (ρ/R)^k that begin at column `first`."""
     rho = sqrt(r2)
@@ -418,12 +418,12 @@ def _sum(d0, d1, d2, r2, radii, coef, first, g):
     return value
 
 
-@njit(**JIT)
+@njit(**JIT, no_cpython_wrapper=True)
 def _value(d0, d1, d2, r2, radii, coef, g):
     return _sum(d0, d1, d2, r2, radii, coef, 0, g)
 
 
-@njit(**JIT)
+@njit(**JIT, no_cpython_wrapper=True)
 def _even_value(d0, d1, d2, r2, radii, coef, g):
     return _sum(d0, d1, d2, r2, radii, coef, 3, g)
 

@@ -88,6 +88,7 @@ class CellList:
         self.x_sorted = np.empty((n, 3))
         _sort_into_bins(x, s, lo, nb / extent, nb, self.order, self.start, self.x_sorted)
         self.columns, self.half_from = self._stencil(thickness / nb, extent / nb)
+        self.most_runs = int((2 * self.columns[:, 2] // nb[2] + 3).sum())
         self._chunks()
 
     def _stencil(self, width, step):
@@ -144,6 +145,7 @@ class CellList:
                 self.start,
                 self.n_bins,
                 self.columns,
+                self.most_runs,
                 self.half_from,
                 self.cell.vectors,
                 self.cell.periodic,
@@ -167,8 +169,9 @@ class CellList:
         only = _EVERY if only is None else only
         while True:
             n = _full(
-                self.x_sorted, self.order, self.start, self.n_bins, self.columns, self.cell.vectors, self.cell.periodic,
-                self.cutoff**2, self.chunk_edges[chunk], self.chunk_edges[chunk + 1], only, ws.i, ws.j, ws.r, ws.d2,
+                self.x_sorted, self.order, self.start, self.n_bins, self.columns, self.most_runs,
+                self.cell.vectors, self.cell.periodic, self.cutoff**2, self.chunk_edges[chunk],
+                self.chunk_edges[chunk + 1], only, ws.i, ws.j, ws.r, ws.d2,
             )  # fmt: skip
             if n >= 0:
                 return n
@@ -273,7 +276,7 @@ def _sort_into_bins(x, s, lo, scale, nb, order, start, x_sorted):
             x_sorted[p, c] = x[a, c]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="never")
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)
 def _segments(b, c0, home, columns, nb, vectors, periodic, start, lo, hi, shift):
     """Runs of sorted atoms that the columns from c0 on around bin b reach, with the Cartesian shift of their image: how
     many runs and atoms.
@@ -318,7 +321,7 @@ def _segments(b, c0, home, columns, nb, vectors, periodic, start, lo, hi, shift)
     return n, atoms
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)
 def _scan(x, order, xi, yi, zi, a, b, cut2, jout, rout, d2out, n):
     """Append the atoms a..b of the sorted list that lie within the cutoff of (xi, yi, zi). Without a branch: every
     candidate is written, only hits advance."""
@@ -337,17 +340,8 @@ def _scan(x, order, xi, yi, zi, a, b, cut2, jout, rout, d2out, n):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _max_segments(columns, nb):
-    most = 0
-    for c in range(len(columns)):
-        most += (2 * columns[c, 2]) // nb[2] + 3
-    return most
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _half(x, order, start, nb, columns, home, vectors, periodic, cut2, bin0, bin1, iout, jout, rout, d2out):
+def _half(x, order, start, nb, columns, most, home, vectors, periodic, cut2, bin0, bin1, iout, jout, rout, d2out):
     capacity = len(jout)
-    most = _max_segments(columns, nb)
     lo = np.empty(most, np.int64)
     hi = np.empty(most, np.int64)
     shift = np.empty((most, 3))
@@ -385,9 +379,8 @@ def _half(x, order, start, nb, columns, home, vectors, periodic, cut2, bin0, bin
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _full(x, order, start, nb, columns, vectors, periodic, cut2, bin0, bin1, only, iout, jout, rout, d2out):
+def _full(x, order, start, nb, columns, most, vectors, periodic, cut2, bin0, bin1, only, iout, jout, rout, d2out):
     capacity = len(jout)
-    most = _max_segments(columns, nb)
     lo = np.empty(most, np.int64)
     hi = np.empty(most, np.int64)
     shift = np.empty((most, 3))

@@ -15,6 +15,8 @@ from ..compiled import njit
 
 FLOAT, INT, TEXT = 0, 1, 2
 DONE, FULL, SHORT, LONG = 0, 1, 2, 3
+# Bytes looked through at a time: what a processor keeps near.
+_BLOCK = 1 << 15
 
 _MIN10, _MAX10 = -330, 308
 
@@ -55,7 +57,7 @@ def _mul64(a, b):
     return a1 * b1 + (mid >> _S32) + (mid2 >> _S32), a * b
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)
 def _eisel_lemire(man, e10):
     """(man · 10^e10 correctly rounded, True), or (0, False) where 128 bits do not decide."""
     if e10 < _MIN10 or e10 > _MAX10:
@@ -220,60 +222,35 @@ def parse_table(buf, pos, kind_k, slot_k, row, n_row, floats, ints, texts, hard)
     return DONE, row, pos, n_hard
 
 
-@njit(cache=True, nogil=True, error_model="numpy", boundscheck=False)
-def _count(block):
-    n = 0
-    for k in range(len(block)):
-        n += block[k] == 10
-    return n
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def skip_lines(buf, n):
     """(position behind the n-th line end, n), or (len(buf), the number of line ends there are) if there are fewer."""
     seen = 0
-    p = 0
-    while p < len(buf):
-        stop = min(p + 4096, len(buf))
-        here = _count(buf[p:stop])
+    for p in range(0, len(buf) if n > 0 else 0, _BLOCK):
+        ends = buf[p : p + _BLOCK] == 10
+        here = int(np.count_nonzero(ends))
         if seen + here >= n:
-            while seen < n:
-                if buf[p] == 10:
-                    seen += 1
-                p += 1
-            return p, seen
+            return p + int(np.flatnonzero(ends)[n - seen - 1]) + 1, n
         seen += here
-        p = stop
-    return p, seen
+    return (len(buf), seen) if n > 0 else (0, 0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def sorting(ids, order):
     """Fill `order` so that ids[order] ascends. Returns (state, row): 0 sorted already, 1 order filled, 2 `row` repeats
     an id, 3 too spread."""
     n = len(ids)
-    lo = hi = ids[0]
-    ascending = True
-    for k in range(1, n):
-        v = ids[k]
-        ascending &= v > ids[k - 1]
-        lo = v if v < lo else lo
-        hi = v if v > hi else hi
-    if ascending:
+    if (ids[1:] > ids[:-1]).all():
         return 0, 0
-    span = hi - lo + 1
-    if span > 8 * n + 1024 or span <= 0:
+    low = int(ids.min())
+    span = int(ids.max()) - low + 1
+    if span > 8 * n + 1024:
         return 3, 0
+    at, row = ids - low, np.arange(n)
     place = np.full(span, -1, np.int64)
-    for k in range(n):
-        if place[ids[k] - lo] >= 0:
-            return 2, k
-        place[ids[k] - lo] = k
-    m = 0
-    for k in range(span):
-        if place[k] >= 0:
-            order[m] = place[k]
-            m += 1
+    place[at[::-1]] = row[::-1]  # of rows with one id, the first
+    again = place[at] != row
+    if again.any():
+        return 2, int(again.argmax())
+    order[:] = place[place >= 0]
     return 1, 0
 
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...compiled import njit
 from ...kernels.binned import profile_of
 
 # Bins of a slab profile that are computed twice.
@@ -148,35 +147,13 @@ def extent_of(field_g) -> Extent:
     if not field_g.size:
         return Extent(0.0, 0.0, 0.0)
     field_gk = np.ascontiguousarray(field_g, dtype=np.float64).reshape(len(field_g), -1)
-    low, high, total, piece = field_gk[0].copy(), field_gk[0].copy(), *np.zeros((2, field_gk.shape[1]))
-    square = _extent(field_gk, low, high, total, piece)
-    mean = total / len(field_gk)
+    low, high, mean = np.fmin.reduce(field_gk), np.fmax.reduce(field_gk), field_gk.mean(0)
+    values = field_gk.ravel()
     return Extent(
-        float(max(high.max(), -low.min())), float(max((high - mean).max(), (mean - low).max())), float(np.sqrt(square))
+        float(max(high.max(), -low.min())),
+        float(max((high - mean).max(), (mean - low).max())),
+        float(np.sqrt(np.einsum("n,n->", values, values) / len(values))),
     )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _extent(field_gk, low, high, total, piece):
-    """Least, greatest and sum of each column into low, high, total; returns the mean square of all. In one pass, summed
-    up in pieces."""
-    n, many = field_gk.shape
-    square = 0.0
-    for begin in range(0, n, 512):
-        for k in range(many):
-            piece[k] = 0.0
-        squares = 0.0
-        for g in range(begin, min(begin + 512, n)):
-            for k in range(many):
-                x = field_gk[g, k]
-                low[k] = x if x < low[k] else low[k]
-                high[k] = x if x > high[k] else high[k]
-                piece[k] += x
-                squares += x * x
-        for k in range(many):
-            total[k] += piece[k]
-        square += squares
-    return square / (n * many)
 
 
 def tolerance_kept(errors: dict[str, float], tolerance: float) -> str | None:
