@@ -249,8 +249,7 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
             steps = log.steps
             out.notes.append(
                 f"the log {log.name} has none of the steps of the frames that were looked at (frame {given[0]}: step "
-                f"{looked[given[0]].step}; "
-                f"log: steps {steps[0]} to {steps[-1]})"
+                f"{looked[given[0]].step}; log: steps {steps[0]} to {steps[-1]})"
             )
     seen_forces, seen_log = (any(getattr(f, kind) is not None for f in out.frames) for kind in ("forces", "thermo"))
     reasons = []

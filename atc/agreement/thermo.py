@@ -338,8 +338,7 @@ def _explanations(frame, check: ThermoCheck, forces) -> list[str]:
         if np.ptp(d) <= 2 * max(x.allowed for x in diagonal):
             out.append(
                 f"the run's pressure differs by the same {-d.mean():.6g} {diagonal[0].units} along x, y and z: a tail "
-                "correction (pair_modify tail yes), "
-                "which is in no field"
+                "correction (pair_modify tail yes), which is in no field"
             )
     if agree and check.wrong:
         out.append(

@@ -150,10 +150,9 @@ class FourierSimpleAngle(CosineCurve):
         n = self.table[t, 2]
         if n not in (0.0, 1.0, 2.0) and self.table[t, 0] and self.table[t, 1]:
             warnings.warn(
-                f"angle_style fourier/simple with n = {n:g}: LAMMPS computes forces that are not the derivative of "
-                "its energy for n other than 1 and 2; "
-                "the run's forces are taken as they are, so energy is not balanced: use angle_style cosine/periodic "
-                "or fourier in new runs",
+                f"angle_style fourier/simple with n = {n:g}: LAMMPS computes forces that are not the derivative of its "
+                "energy for n other than 1 and 2; the run's forces are taken as they are, so energy is not balanced: "
+                "use angle_style cosine/periodic or fourier in new runs",
                 AtcWarning,
                 stacklevel=2,
             )

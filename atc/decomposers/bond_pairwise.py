@@ -165,9 +165,8 @@ class SpecialBond(PairedBond):
         if (self.table[:, 0] != self.table[:, 1]).any() and any(s.needs_charges for s in inp.pairs.styles):
             warnings.warn(
                 f"{inp.where}: bond_style special: LAMMPS applies the first weight to the Coulomb and the second to "
-                "the Lennard-Jones part, "
-                "other than its manual says, and so does atc: compare energies with the run if its LAMMPS is not of "
-                "2025",
+                "the Lennard-Jones part, other than its manual says, and so does atc: compare energies with the run if "
+                "its LAMMPS is not of 2025",
                 AtcWarning,
                 stacklevel=2,
             )

@@ -166,8 +166,7 @@ class BondedTerm(Term):
         if missing:
             raise AtcError(
                 f"{frame.source}: {kind} type {missing[0]} is in the topology but has no coefficients in {kind}_style "
-                f"{self.name}: "
-                f"add a {kind}_coeff {missing[0]} line"
+                f"{self.name}: add a {kind}_coeff {missing[0]} line"
             )
         if not self.refused.keys().isdisjoint(used):
             raise AtcError(f"{frame.source}: {self._why(min(used & self.refused.keys()))}")

@@ -93,8 +93,7 @@ class HelixTorsion(Torsion):
 
 _SMALL_A = (
     "for |a| below 0.001 LAMMPS's forces are not the derivative of its energy and differ in the mirror image, so they "
-    "are no forces along bonds: "
-    "use a = 0, or 0.001 and more"
+    "are no forces along bonds: use a = 0, or 0.001 and more"
 )
 
 

@@ -114,8 +114,7 @@ class EDIP(Centred, OfEntries):
                 e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
                 raise AtcError(
                     f"{e.where} and {f.where}: different lambda, eta, Q0, mu or u1 to u4 for one triplet, of which "
-                    "LAMMPS takes one by the order of its "
-                    "neighbour list: make them equal"
+                    "LAMMPS takes one by the order of its neighbour list: make them equal"
                 )
         self.three = np.ascontiguousarray(0.5 * (self.three + self.three.transpose(0, 2, 1, 3)))
         self.cutoff = float(self.two[..., 0].max())
@@ -307,8 +306,7 @@ def _edip(inp):
         raise inp.error("pair_style edip takes one element: write edip/multi for several", line)
     warnings.warn(
         f"{inp.where}: LAMMPS's edip looks its functions up in tables where edip/multi, and this program, evaluate "
-        "them: forces differ from the run's by "
-        "about 5e-7 of the largest, energies by 1e-8",
+        "them: forces differ from the run's by about 5e-7 of the largest, energies by 1e-8",
         AtcWarning,
         stacklevel=2,
     )

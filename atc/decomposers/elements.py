@@ -134,9 +134,8 @@ class ElementMap:
             of_type = np.concatenate([of_type, np.full(top + 1 - len(of_type), self.names.index(self.rest))])
         if top >= len(of_type):
             raise AtcError(
-                f"{frame.source}: atoms of type {int(frame.types.max())} but {self.what} names the elements of types "
-                f"1 to {len(self.of_type) - 1}: "
-                "name the others too, or NULL"
+                f"{frame.source}: atoms of type {int(frame.types.max())} but {self.what} names the elements of types 1 "
+                f"to {len(self.of_type) - 1}: name the others too, or NULL"
             )
         if n and frame.types.min() < 1:
             raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(frame.types.min())}")

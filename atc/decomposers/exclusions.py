@@ -53,8 +53,7 @@ class Exclusions:
         ):
             raise AtcError(
                 f"{self.where}: who is in group {next(g for g in self.groups if g != 'all')} is not known for "
-                f"{frame.source}: "
-                "give atc the frames of a trajectory, with the data file that the script reads"
+                f"{frame.source}: give atc the frames of a trajectory, with the data file that the script reads"
             )
         if (self.same or self.different) and frame.molecules is None:
             raise AtcError(

@@ -252,8 +252,7 @@ class CosineSquaredImproper(FourAtoms):
         if self.table[t, 0] and self.table[t, 1]:
             warnings.warn(
                 "improper_style cossq with chi0 other than 0: LAMMPS computes forces that are not the derivative of "
-                "its energy; "
-                "the run's forces are taken as they are, so energy is not balanced",
+                "its energy; the run's forces are taken as they are, so energy is not balanced",
                 AtcWarning,
                 stacklevel=2,
             )

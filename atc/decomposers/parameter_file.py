@@ -85,8 +85,7 @@ def energy_conversion(text: str, wanted: str, path) -> float:
     else:
         raise AtcError(
             f"{path}: this file is in {has!r} units (its UNITS: tag) and the model in {wanted!r}: only metal and real "
-            "convert into each other; "
-            f"use a file in {wanted!r} units"
+            f"convert into each other; use a file in {wanted!r} units"
         )
     warnings.warn(f"{path}: energies converted from {has} to {wanted} units, as LAMMPS does", AtcWarning, stacklevel=4)
     return factor

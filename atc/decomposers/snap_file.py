@@ -94,9 +94,8 @@ def read_snap(coefficients, parameters, elements=None, units_name: str = "metal"
     wants = 1 + k + (k * (k + 1) // 2 if flags["quadraticflag"] else 0)
     if rows.shape[1] != wants:
         raise AtcError(
-            f"{coefficients}: {rows.shape[1]} coefficients of each element, where {Path(parameters).name} "
-            f"(twojmax {values['twojmax']}, quadraticflag {flags['quadraticflag']}, chemflag {flags['chemflag']}) "
-            f"wants {wants}"
+            f"{coefficients}: {rows.shape[1]} coefficients of each element, where {Path(parameters).name} (twojmax "
+            f"{values['twojmax']}, quadraticflag {flags['quadraticflag']}, chemflag {flags['chemflag']}) wants {wants}"
         )
     beta = np.ascontiguousarray(rows[:, 1 : 1 + k])
     alpha = np.zeros((t, 0, 0))

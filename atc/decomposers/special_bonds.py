@@ -101,8 +101,7 @@ class SpecialBonds:
             if len(both) == 1 and both <= {0.0, 1.0} and new != both:
                 raise AtcError(
                     f"{where}: pair_modify special cannot change the weight {both.pop():g} of 1-{k + 2} neighbours, "
-                    "which LAMMPS fixes in its lists: "
-                    "a special_bonds weight such as 1e-10 can be changed"
+                    "which LAMMPS fixes in its lists: a special_bonds weight such as 1e-10 can be changed"
                 )
         return type(self)(lj, coul, self.angle, self.dihedral)
 

@@ -55,9 +55,8 @@ class SpinExchange(PairStyle):
         off = (np.abs(size - 1.0) > _UNIT) & (size != 0.0)
         if off.any():
             raise AtcError(
-                f"{frame.source}: the spin of atom {frame.ids[off][0]} has the length {size[off][0]:.4g}: expected "
-                "the unit vector spx spy spz of "
-                "compute property/atom (its size is the column sp)"
+                f"{frame.source}: the spin of atom {frame.ids[off][0]} has the length {size[off][0]:.4g}: expected the "
+                "unit vector spx spy spz of compute property/atom (its size is the column sp)"
             )
         return s_nc
 

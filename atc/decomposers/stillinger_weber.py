@@ -222,9 +222,8 @@ class StillingerWeber(OfEntries):
                 if not agree(x, y, what):
                     raise AtcError(
                         f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[k]} and {names[i]} "
-                        f"{names[k]} {names[j]} give different lambda*epsilon or "
-                        "costheta0 for the same triplet, of which LAMMPS takes one by the order of its neighbour "
-                        "list: make them equal"
+                        f"{names[k]} {names[j]} give different lambda*epsilon or costheta0 for the same triplet, of "
+                        "which LAMMPS takes one by the order of its neighbour list: make them equal"
                     )
                 self.triplet[i, j, k] = self.triplet[i, k, j] = 0.5 * (x + y)
         mean = 0.5 * (self.pair + self.pair.transpose(1, 0, 2))

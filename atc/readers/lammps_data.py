@@ -384,9 +384,8 @@ class LammpsData:
         if n > 5:
             warn(
                 f"{self.source}: 'Atoms # hybrid' does not name its sub-styles, so charges, masses and image flags in "
-                "it are not used: write them "
-                "behind it as in the run's atom_style line, e.g. 'Atoms # hybrid sphere charge', or give it as "
-                "atom_style"
+                "it are not used: write them behind it as in the run's atom_style line, e.g. 'Atoms # hybrid sphere "
+                "charge', or give it as atom_style"
             )
         return ["id", "type", "x", "y", "z", *(f"hybrid_{k}" for k in range(n - 5))]
 
@@ -406,8 +405,7 @@ class LammpsData:
         if "template_index" in a and not self.bonded and (a["template_index"] > 0).any():
             return (
                 f"{self.source}: the bonds of atom_style template are in the molecule files of the run: which atoms "
-                "are bonded is not known; "
-                "give a data file of another atom style, with sections Bonds, Angles, ..."
+                "are bonded is not known; give a data file of another atom style, with sections Bonds, Angles, ..."
             )
         return ""
 
@@ -526,8 +524,7 @@ def _check_spins(a, s):
         k = int(odd.argmax())
         raise AtcError(
             f"{s.where(k)}: the spin's direction is no unit vector, as if the columns were id type sp x y z spx spy "
-            "spz of an old LAMMPS: "
-            "today's are id type x y z spx spy spz sp; convert the file"
+            "spz of an old LAMMPS: today's are id type x y z spx spy spz sp; convert the file"
         )
 
 

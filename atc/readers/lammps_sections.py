@@ -195,8 +195,7 @@ class Section:
         line = self.buf[at:end].tobytes().decode("utf-8", "replace").strip()
         raise AtcError(
             f"{self.where(row)}: expected {len(columns)} columns ({' '.join(columns)}) in section {self.name}, got "
-            f"{len(line.split())}: "
-            f"'{shortened(line)}'"
+            f"{len(line.split())}: '{shortened(line)}'"
         )
 
     def _number(self, word, row, column) -> float:

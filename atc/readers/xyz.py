@@ -310,9 +310,8 @@ class ExtendedXyz(LammpsTrajectory):
             if self._by_lammps:  # the numbers of the types, where they have no names
                 return {"type": names.astype(np.int64)}
             raise AtcError(
-                f"{where}: the first column holds numbers ({', '.join(unique[:3])}), and nothing says whether they "
-                "are types of LAMMPS or atomic numbers: write the names of the elements (dump_modify element), or "
-                f"{_DUMP}"
+                f"{where}: the first column holds numbers ({', '.join(unique[:3])}), and nothing says whether they are "
+                f"types of LAMMPS or atomic numbers: write the names of the elements (dump_modify element), or {_DUMP}"
             )
         return {"element": names}
 

@@ -569,9 +569,7 @@ def _long_range(model: _Model, terms, name: str) -> list[Term]:
     if found and model.exclusions:
         raise AtcError(
             f"{model.exclusions.where}: neigh_modify {model.exclusions.keyword} is not supported with long-range "
-            "Coulomb: LAMMPS leaves "
-            "out the near part of such pairs only, "
-            "which depends on its own alpha"
+            "Coulomb: LAMMPS leaves out the near part of such pairs only, which depends on its own alpha"
         )
     model.notes.extend(t.run.describe(model.units) for t in found)
     return found
@@ -602,8 +600,7 @@ def _check_restart(model: _Model) -> None:
     if what:
         raise AtcError(
             f"{c.where}: read_restart {' '.join(c.words[:1])}: the model is in a binary file, which is not read: add "
-            f"{what} behind it (LAMMPS's write_coeff "
-            "and write_data write what holds)"
+            f"{what} behind it (LAMMPS's write_coeff and write_data write what holds)"
         )
 
 
