@@ -151,35 +151,22 @@ def _g(x) -> str:
 
 def _plain(f: FrameCheck, units) -> dict:
     out = {
-        "frame": f.frame,
-        "step": f.step,
-        "agrees": f.agrees,
-        "energy": units.to_user("energy", f.energy),
+        "frame": f.frame, "step": f.step, "agrees": f.agrees, "energy": units.to_user("energy", f.energy),
         "energy_units": units.label("energy"),
-    }
+    }  # fmt: skip
     if f.forces is not None:
         c = f.forces
         out["forces"] = {
-            "agrees": c.agrees,
-            "rms_share": c.share,
-            "explained_share": c.explained,
-            "rms": units.to_user("force", c.rms),
-            "units": units.label("force"),
-            "atoms": c.atoms,
-            "atoms_differ": c.differ,
-            "worst_atoms": list(c.worst),
-            "looks_like": c.looks,
-            "explained_by": c.because,
+            "agrees": c.agrees, "rms_share": c.share, "explained_share": c.explained,
+            "rms": units.to_user("force", c.rms), "units": units.label("force"), "atoms": c.atoms,
+            "atoms_differ": c.differ, "worst_atoms": list(c.worst), "looks_like": c.looks, "explained_by": c.because,
             "outside": list(c.outside),
-        }
+        }  # fmt: skip
     if f.thermo is not None:
         out["log"] = {
-            "agrees": f.thermo.agrees,
-            "source": f.thermo.source,
-            "numbers": [x.plain() for x in f.thermo.lines],
-            "notes": f.thermo.notes,
-            "causes": list(f.thermo.causes),
-        }
+            "agrees": f.thermo.agrees, "source": f.thermo.source, "numbers": [x.plain() for x in f.thermo.lines],
+            "notes": f.thermo.notes, "causes": list(f.thermo.causes),
+        }  # fmt: skip
     return out
 
 

@@ -73,13 +73,9 @@ class CrossAngle(CoupledAngle):
 
     name = "cross"
     wants = (
-        ("K_SS", per_length2),
-        ("K_BS0", energy_per_length),
-        ("K_BS1", energy_per_length),
-        ("r1", length),
-        ("r2", length),
-        ("theta0", degrees),
-    )
+        ("K_SS", per_length2), ("K_BS0", energy_per_length), ("K_BS1", energy_per_length), ("r1", length),
+        ("r2", length), ("theta0", degrees),
+    )  # fmt: skip
 
     def add_coupled(self, types, cos, sin, d_b, d_c, U, U_c, G_b, G_c):
         K, N1, N2, r1, r2, theta0 = self.table[types].T

@@ -70,13 +70,8 @@ class Constraints:
         self.rules: tuple[Rule, ...] = tuple(rules)
         if source != "auto" and source not in SOURCES:
             raise AtcError(f"constraints: source {source!r}: expected auto, {', '.join(SOURCES)}")
-        self.source, self.temperature, self.timestep, self.behind, self.contained = (
-            source,
-            temperature,
-            timestep,
-            float(behind),
-            contained,
-        )
+        self.source, self.temperature, self.timestep = source, temperature, timestep
+        self.behind, self.contained = float(behind), contained
 
         #: Whether bodies carry loads across the plane or line they lie in.
         self.across = False

@@ -137,13 +137,7 @@ def _is_number(word: str) -> bool:
 
 def _grid(words, where):
     """nrho drho nr dr cutoff"""
-    nrho, drho, nr, dr, cut = (
-        whole_of(words[0]),
-        number_of(words[1]),
-        whole_of(words[2]),
-        number_of(words[3]),
-        number_of(words[4]),
-    )
+    (nrho, nr), (drho, dr, cut) = map(whole_of, words[:3:2]), map(number_of, (words[1], words[3], words[4]))
     if None in (nrho, drho, nr, dr, cut):
         raise AtcError(f"{where}: expected nrho drho nr dr cutoff, got {shortened(' '.join(words))!r}")
     # LAMMPS's spline takes differences over five points.

@@ -99,16 +99,9 @@ class EDIP(Centred, OfEntries):
             self.three[i, j, k] = e.lam * energy, e.eta, e.Q0, e.mu, e.u1, e.u2, e.u3, e.u4
             if j == k:
                 self.two[i, j] = (
-                    e.a * length,
-                    e.A * energy,
-                    e.B * length,
-                    e.rho,
-                    e.beta,
-                    e.sigma * length,
-                    e.gamma * length,
-                    e.c * length,
-                    e.alpha,
-                )
+                    e.a * length, e.A * energy, e.B * length, e.rho, e.beta, e.sigma * length, e.gamma * length,
+                    e.c * length, e.alpha,
+                )  # fmt: skip
         for i, j, k in product(range(m), repeat=3):
             if j < k and not np.allclose(self.three[i, j, k], self.three[i, k, j], rtol=1e-5, atol=0):
                 e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]

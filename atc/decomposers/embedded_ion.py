@@ -23,22 +23,7 @@ from .registry import MAPPED_STYLES, pair_style
 
 # LAMMPS's tables: so many points from 0 to the largest cutoff.
 _POINTS = 5000
-_PAIR = (
-    "rc_phi",
-    "rc_phi2",
-    "Eb",
-    "re",
-    "alpha",
-    "beta",
-    "rc_eta",
-    "A_eta",
-    "rs_eta",
-    "rc_psi",
-    "A_psi",
-    "zeta",
-    "rs_psi",
-    "p",
-)
+_PAIR = tuple("rc_phi rc_phi2 Eb re alpha beta rc_eta A_eta rs_eta rc_psi A_psi zeta rs_psi p".split())
 
 
 @dataclass

@@ -14,55 +14,21 @@ from ..errors import AtcError, AtcWarning
 from .parameter_file import LARGE, read_parameter_file, units_tag
 
 LATTICES = ("fcc", "bcc", "hcp", "dia", "sc", "dim", "b1", "b2", "l12")
-_LIBRARY = (
-    "z",
-    "ielement",
-    "atwt",
-    "alpha",
-    "b0",
-    "b1",
-    "b2",
-    "b3",
-    "alat",
-    "esub",
-    "asub",
-    "t0",
-    "t1",
-    "t2",
-    "t3",
-    "rozero",
-    "ibar",
-)
+_LIBRARY = tuple("z ielement atwt alpha b0 b1 b2 b3 alat esub asub t0 t1 t2 t3 rozero ibar".split())
 _WORDS = 2 + len(_LIBRARY)
 # LAMMPS's default skin in Å: its screening looks at the neighbours within rc and this.
 _SKIN = 2.0
 _FORMS = (-5, 0, 1, 3, 4)
-_NAMES_OF_SCALARS = (
-    "rc",
-    "delr",
-    "gsmooth_factor",
-    "augt1",
-    "ialloy",
-    "mixture_ref_t",
-    "erose_form",
-    "emb_lin_neg",
-    "bkgd_dyn",
-)
+_NAMES_OF_SCALARS = tuple("rc delr gsmooth_factor augt1 ialloy mixture_ref_t erose_form emb_lin_neg bkgd_dyn".split())
 _INDICES = {"rho0": 1, "Cmin": 3, "Cmax": 3} | dict.fromkeys(
     ("Ec", "delta", "alpha", "re", "lattce", "nn2", "attrac", "repuls", "zbl"), 2
 )
 _LINE = re.compile(r"^(\w+)\s*(?:\(([^()]*)\))?\s*=\s*(.*)$")
 #: Nearest-neighbour distance over lattice constant.
 _NEAREST = {
-    "fcc": 0.5**0.5,
-    "bcc": 0.75**0.5,
-    "dia": 0.1875**0.5,
-    "hcp": 1.0,
-    "dim": 1.0,
-    "sc": 1.0,
-    "b1": 0.5,
+    "fcc": 0.5**0.5, "bcc": 0.75**0.5, "dia": 0.1875**0.5, "hcp": 1.0, "dim": 1.0, "sc": 1.0, "b1": 0.5,
     "b2": 0.75**0.5,
-}
+}  # fmt: skip
 
 
 @dataclass
@@ -169,16 +135,9 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
             raise AtcError(f"{at}: z is {v['z'][e]:g}, but atoms of {lat[e]} have another number of neighbours")
     own: dict[str, dict] = {k: {} for k in _INDICES}
     scalars = {
-        "rc": 4.0,
-        "delr": 0.1,
-        "gsmooth_factor": 99.0,
-        "augt1": 1,
-        "ialloy": 0,
-        "mixture_ref_t": 0,
-        "erose_form": 0,
-        "emb_lin_neg": 0,
-        "bkgd_dyn": 0,
-    }
+        "rc": 4.0, "delr": 0.1, "gsmooth_factor": 99.0, "augt1": 1, "ialloy": 0, "mixture_ref_t": 0, "erose_form": 0,
+        "emb_lin_neg": 0, "bkgd_dyn": 0,
+    }  # fmt: skip
     if parameters is not None:
         _read_settings(parameters, m, own, scalars, units_name, where)
     source = parameters or library

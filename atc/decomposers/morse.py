@@ -94,13 +94,9 @@ class MOMB(RadialStyle):
 
     name = "momb"
     numbers = (
-        *Morse.numbers[:3],
-        ("c6", {"energy": 1, "length": 6}),
-        ("rr", "length"),
-        ("s6", "dimensionless"),
-        ("damping", "dimensionless"),
-        Morse.numbers[3],
-    )
+        *Morse.numbers[:3], ("c6", {"energy": 1, "length": 6}), ("rr", "length"), ("s6", "dimensionless"),
+        ("damping", "dimensionless"), Morse.numbers[3],
+    )  # fmt: skip
 
     def columns(self, d0, alpha, r0, c6, rr, s6, damping, cutoff):
         return d0, alpha, r0, s6 * c6, damping / rr, damping

@@ -33,12 +33,9 @@ DIHEDRAL_STYLES: dict[str, Callable] = {}
 IMPROPER_STYLES: dict[str, Callable] = {}
 
 STYLES = {
-    "pair": PAIR_STYLES,
-    "bond": BOND_STYLES,
-    "angle": ANGLE_STYLES,
-    "dihedral": DIHEDRAL_STYLES,
+    "pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihedral": DIHEDRAL_STYLES,
     "improper": IMPROPER_STYLES,
-}
+}  # fmt: skip
 
 
 #: Pair styles whose one ``pair_coeff * *`` line maps atom types to elements (NULL: not this style's).

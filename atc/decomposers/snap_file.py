@@ -16,14 +16,9 @@ from .snap_tables import triples
 #: Keys of the parameter file and their defaults (None: required), by what their values are.
 _NUMBERS = {"rcutfac": None, "rfac0": 0.99363, "rmin0": 0.0}
 _FLAGS = {
-    "switchflag": 1,
-    "bzeroflag": 1,
-    "quadraticflag": 0,
-    "chemflag": 0,
-    "bnormflag": 0,
-    "wselfallflag": 0,
+    "switchflag": 1, "bzeroflag": 1, "quadraticflag": 0, "chemflag": 0, "bnormflag": 0, "wselfallflag": 0,
     "switchinnerflag": 0,
-}
+}  # fmt: skip
 #: Of the KOKKOS package: how work is cut into pieces.
 _IGNORED = ("chunksize", "parallelthresh")
 #: Above which the list of products alone takes gigabytes.

@@ -12,13 +12,9 @@ from .registry import StyleInput, pair_style
 
 _PLAIN = "dimensionless"
 _LJ = (
-    ("epsilon", "energy"),
-    ("sigma", "length"),
-    ("activation", _PLAIN),
-    ("n", _PLAIN),
-    ("alpha", _PLAIN),
+    ("epsilon", "energy"), ("sigma", "length"), ("activation", _PLAIN), ("n", _PLAIN), ("alpha", _PLAIN),
     ("cutoff", "length"),
-)
+)  # fmt: skip
 
 
 class LennardJonesSoft(RadialStyle):

@@ -171,15 +171,9 @@ class StillingerWeber(OfEntries):
             with np.errstate(over="ignore", invalid="ignore"):
                 powers = np.power(sigma, [e.p, e.q])
                 self.pair[ia, ib] = (
-                    _list_cutoff(e, sigma),
-                    cut,
-                    sigma,
-                    e.A * energy * e.B * powers[0],
-                    e.A * energy * powers[1],
-                    e.p,
-                    e.q,
-                    e.gamma * sigma,
-                )
+                    _list_cutoff(e, sigma), cut, sigma, e.A * energy * e.B * powers[0], e.A * energy * powers[1], e.p,
+                    e.q, e.gamma * sigma,
+                )  # fmt: skip
             if not np.isfinite(self.pair[ia, ib, 3:]).all():
                 raise AtcError(
                     f"{e.where}: the entry {a} {b} {b} gives no finite energy: A, B, epsilon or the powers p and q of "

@@ -92,15 +92,9 @@ class TersoffMod(Tersoff):
         u, energy, length = self.units, self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
         out = np.zeros(17)
         out[:8] = (
-            u.to_internal("length", e.R),
-            u.to_internal("length", e.D),
-            e.A * energy,
-            e.lam1 / length,
-            e.B * energy,
-            e.lam2 / length,
-            e.eta,
-            e.n,
-        )
+            u.to_internal("length", e.R), u.to_internal("length", e.D), e.A * energy, e.lam1 / length, e.B * energy,
+            e.lam2 / length, e.eta, e.n,
+        )  # fmt: skip
         return out
 
 

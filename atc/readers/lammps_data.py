@@ -21,22 +21,13 @@ _KINDS = ("Atom", "Bond", "Angle", "Dihedral", "Improper")
 #: Sections of coefficients: whose types their lines begin with, and the words of class 2 that stand for the cross term
 #: in a coeff command.
 COEFFS = {
-    "Pair Coeffs": ("pair", ""),
-    "PairIJ Coeffs": ("pairij", ""),
-    "Bond Coeffs": ("bond", ""),
-    "Angle Coeffs": ("angle", ""),
-    "Dihedral Coeffs": ("dihedral", ""),
-    "Improper Coeffs": ("improper", ""),
-    "BondBond Coeffs": ("angle", "bb"),
-    "BondAngle Coeffs": ("angle", "ba"),
-    "UreyBradley Coeffs": ("angle", "ub"),
-    "MiddleBondTorsion Coeffs": ("dihedral", "mbt"),
-    "EndBondTorsion Coeffs": ("dihedral", "ebt"),
-    "AngleTorsion Coeffs": ("dihedral", "at"),
-    "AngleAngleTorsion Coeffs": ("dihedral", "aat"),
-    "BondBond13 Coeffs": ("dihedral", "bb13"),
-    "AngleAngle Coeffs": ("improper", "aa"),
-}
+    "Pair Coeffs": ("pair", ""), "PairIJ Coeffs": ("pairij", ""), "Bond Coeffs": ("bond", ""),
+    "Angle Coeffs": ("angle", ""), "Dihedral Coeffs": ("dihedral", ""), "Improper Coeffs": ("improper", ""),
+    "BondBond Coeffs": ("angle", "bb"), "BondAngle Coeffs": ("angle", "ba"), "UreyBradley Coeffs": ("angle", "ub"),
+    "MiddleBondTorsion Coeffs": ("dihedral", "mbt"), "EndBondTorsion Coeffs": ("dihedral", "ebt"),
+    "AngleTorsion Coeffs": ("dihedral", "at"), "AngleAngleTorsion Coeffs": ("dihedral", "aat"),
+    "BondBond13 Coeffs": ("dihedral", "bb13"), "AngleAngle Coeffs": ("improper", "aa"),
+}  # fmt: skip
 SECTIONS = frozenset(
     (
         "Atoms",

@@ -13,24 +13,16 @@ from .trajectory import decimal_resolution, warn
 
 # (unit of length, unit of time), as the attributes of cell_lengths and time name them -> unit style
 _STYLES = {
-    ("lj", "lj"): "lj",
-    ("angstrom", "femtosecond"): "real",
-    ("angstrom", "picosecond"): "metal",
-    ("meter", "second"): "si",
-    ("centimeter", "second"): "cgs",
-    ("bohr", "femtosecond"): "electron",
-    ("micrometer", "microsecond"): "micro",
-    ("nanometer", "nanosecond"): "nano",
-}
+    ("lj", "lj"): "lj", ("angstrom", "femtosecond"): "real", ("angstrom", "picosecond"): "metal",
+    ("meter", "second"): "si", ("centimeter", "second"): "cgs", ("bohr", "femtosecond"): "electron",
+    ("micrometer", "microsecond"): "micro", ("nanometer", "nanosecond"): "nano",
+}  # fmt: skip
 # Vectors of a frame -> the columns of a dump they hold.
 _VECTORS = {
-    "coordinates": ("x", "y", "z"),
-    "unwrapped_coordinates": ("xu", "yu", "zu"),
-    "scaled_coordinates": ("xs", "ys", "zs"),
-    "velocities": ("vx", "vy", "vz"),
-    "forces": ("fx", "fy", "fz"),
+    "coordinates": ("x", "y", "z"), "unwrapped_coordinates": ("xu", "yu", "zu"),
+    "scaled_coordinates": ("xs", "ys", "zs"), "velocities": ("vx", "vy", "vz"), "forces": ("fx", "fy", "fz"),
     "mu": ("mux", "muy", "muz"),
-}
+}  # fmt: skip
 _FILLS = (-2147483647, -9223372036854775806)  # what NetCDF puts where nothing was written, as int and int64
 
 

@@ -28,15 +28,9 @@ _FORCES = ("forces", "force", "frc")
 _VECTORS = {"pos": ("x", "y", "z"), "positions": ("x", "y", "z")}
 _VECTORS |= {n: ("vx", "vy", "vz") for n in _VELOCITIES} | {n: ("fx", "fy", "fz") for n in _FORCES}
 _SCALARS = {
-    "mass": "mass",
-    "masses": "mass",
-    "q": "q",
-    "charge": "q",
-    "charges": "q",
-    "initial_charges": "q",
-    "id": "id",
+    "mass": "mass", "masses": "mass", "q": "q", "charge": "q", "charges": "q", "initial_charges": "q", "id": "id",
     "type": "type",
-}
+}  # fmt: skip
 _OWN_MASS = "the file's own mass"
 _NO_GUARD = contextlib.nullcontext()
 _DUMP = "dump it as custom (id type x y z vx vy vz) or extxyz instead"

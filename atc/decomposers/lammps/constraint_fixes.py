@@ -14,22 +14,9 @@ _SHAKE_WORDS = {"mol": 1, "kbond": 1, "store": 1}
 _KINDS = {"b": "bond", "a": "angle", "t": "atom"}
 #: Words behind ``fix rigid`` with so many values: thermostats, barostats and what they need act on whole bodies.
 _RIGID_WORDS = {
-    "langevin": 4,
-    "reinit": 1,
-    "temp": 3,
-    "iso": 3,
-    "aniso": 3,
-    "x": 3,
-    "y": 3,
-    "z": 3,
-    "couple": 1,
-    "tparam": 3,
-    "pchain": 1,
-    "dilate": 1,
-    "infile": 1,
-    "mol": 1,
-    "gravity": 1,
-}
+    "langevin": 4, "reinit": 1, "temp": 3, "iso": 3, "aniso": 3, "x": 3, "y": 3, "z": 3, "couple": 1, "tparam": 3,
+    "pchain": 1, "dilate": 1, "infile": 1, "mol": 1, "gravity": 1,
+}  # fmt: skip
 
 
 def held(fixes) -> list[Command]:

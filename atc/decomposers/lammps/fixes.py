@@ -131,12 +131,9 @@ _CLASSES = {
 
 #: class → which properties of atoms are, from then on, only what the frames show
 REACH = {
-    "charges": ("charges",),
-    "types": ("types", "charges"),
-    "atoms": ("atoms", "charges", "bonds"),
-    "bonds": ("bonds", "types", "charges"),
-    "set": ("types", "charges", "molecules", "masses"),
-}
+    "charges": ("charges",), "types": ("types", "charges"), "atoms": ("atoms", "charges", "bonds"),
+    "bonds": ("bonds", "types", "charges"), "set": ("types", "charges", "molecules", "masses"),
+}  # fmt: skip
 
 #: fix → (class, reason)
 FIXES = {

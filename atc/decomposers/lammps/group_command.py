@@ -76,13 +76,9 @@ class Groups(AtomTable):
     def _listed(self, args, kind):
         """A test of numbers from ``1 2 4:8:2`` or ``<= 5`` or ``<> 3 7``."""
         tests = {
-            "<": np.less,
-            "<=": np.less_equal,
-            ">": np.greater,
-            ">=": np.greater_equal,
-            "==": np.equal,
+            "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal,
             "!=": np.not_equal,
-        }
+        }  # fmt: skip
         label = "atom" if kind == "type" else ""
         try:
             if args[:1] and args[0] in tests:

@@ -219,15 +219,8 @@ def _atom_style(model: _Model) -> tuple[str, ...]:
 
 #: LAMMPS's time step where a script has no ``timestep`` line, in its units.
 _TIMESTEPS = {
-    "lj": 0.005,
-    "real": 1.0,
-    "metal": 0.001,
-    "si": 1e-8,
-    "cgs": 1e-8,
-    "electron": 0.001,
-    "micro": 2.0,
-    "nano": 0.00045,
-}
+    "lj": 0.005, "real": 1.0, "metal": 0.001, "si": 1e-8, "cgs": 1e-8, "electron": 0.001, "micro": 2.0, "nano": 0.00045,
+}  # fmt: skip
 
 
 def _timestep(word: str | None, u: Units) -> float | None:

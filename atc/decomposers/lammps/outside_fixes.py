@@ -16,12 +16,9 @@ from .script import Command, short
 _FACES = {f"{'xyz'[k]}{end}": (k, side) for k in range(3) for end, side in (("lo", -1), ("hi", 1))}
 #: Numbers of each wall behind face and place, the cutoff last.
 _WALLS = {
-    "wall/lj93": ("energy", "length"),
-    "wall/lj126": ("energy", "length"),
-    "wall/lj1043": ("energy", "length"),
-    "wall/harmonic": ("stiffness", None),
-    "wall/morse": ("energy", "1/length", "length"),
-}
+    "wall/lj93": ("energy", "length"), "wall/lj126": ("energy", "length"), "wall/lj1043": ("energy", "length"),
+    "wall/harmonic": ("stiffness", None), "wall/morse": ("energy", "1/length", "length"),
+}  # fmt: skip
 
 
 class _NotUnderstood(Exception):

@@ -23,28 +23,11 @@ _REFUSED = {
 }
 #: keyword: how many values it has. Those that steer how the run computed the sum, not which.
 _HARMLESS = {
-    "collective": 1,
-    "cutoff/adjust": 1,
-    "diff": 1,
-    "disp/auto": 1,
-    "fftbench": 1,
-    "force/disp/real": 1,
-    "force/disp/kspace": 1,
-    "gewald": 1,
-    "gewald/disp": 1,
-    "kmax/ewald": 3,
-    "kmax/ewald/disp": 3,
-    "mesh": 3,
-    "mesh/disp": 3,
-    "minorder": 1,
-    "mix/disp": 1,
-    "order": 1,
-    "order/disp": 1,
-    "overlap": 1,
-    "pressure/scalar": 1,
-    "splittol": 1,
-    "eigtol": 1,
-}
+    "collective": 1, "cutoff/adjust": 1, "diff": 1, "disp/auto": 1, "fftbench": 1, "force/disp/real": 1,
+    "force/disp/kspace": 1, "gewald": 1, "gewald/disp": 1, "kmax/ewald": 3, "kmax/ewald/disp": 3, "mesh": 3,
+    "mesh/disp": 3, "minorder": 1, "mix/disp": 1, "order": 1, "order/disp": 1, "overlap": 1, "pressure/scalar": 1,
+    "splittol": 1, "eigtol": 1,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
