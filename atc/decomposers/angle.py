@@ -334,13 +334,12 @@ class TableAngle(AngleStyle):
         return int(small.sum())
 
 
-register_bonded(angle_style, HarmonicAngle, CosineAngle, CosineSquaredAngle, CosineDeltaAngle, CharmmAngle)
+register_bonded(HarmonicAngle, CosineAngle, CosineSquaredAngle, CosineDeltaAngle, CharmmAngle)
 
 
 @angle_style("zero")
 def _zero(inp):
-    values = {t: () for line in inp.coeffs for (t,) in line.covers(inp.n_types)}
-    return ZeroAngle._from_input(values, inp)
+    return ZeroAngle._from_input(inp.by_type(lambda line: ()), inp)
 
 
 @angle_style("table")

@@ -12,7 +12,6 @@ import numpy as np
 from .angle import AngleStyle, over_sine
 from .angle_curves import deviation_over_sine, polynomial
 from .bonded import CrossTerms, degrees, energy, energy_per_length, length, per_length2, register_bonded
-from .registry import angle_style
 
 
 class CoupledAngle(AngleStyle):
@@ -88,4 +87,4 @@ class CrossAngle(CoupledAngle):
         return clamped
 
 
-register_bonded(angle_style, Class2Angle, Class2P6Angle, CrossAngle)
+register_bonded(Class2Angle, Class2P6Angle, CrossAngle)

@@ -11,7 +11,6 @@ from ..errors import AtcWarning
 from .angle import AngleStyle, over_sine
 from .bond_curves import gaussian_row, log_of_gaussians
 from .bonded import RowTerm, degrees, energy, kelvin, plain, register_bonded
-from .registry import angle_style
 
 
 class CosineCurve(AngleStyle):
@@ -296,16 +295,5 @@ class GaussianAngle(RowTerm, ThetaCurve):
         return log_of_gaussians(theta, kT, np.stack(terms, axis=1).reshape(len(theta), -1, 3))
 
 
-register_bonded(
-    angle_style,
-    QuarticAngle,
-    MM3Angle,
-    FourierAngle,
-    FourierSimpleAngle,
-    CosinePeriodicAngle,
-    RestrictedAngle,
-    WormLikeAngle,
-    CosineShiftAngle,
-    CosineShiftExpAngle,
-    GaussianAngle,
-)
+register_bonded(QuarticAngle, MM3Angle, FourierAngle, FourierSimpleAngle, CosinePeriodicAngle, RestrictedAngle)
+register_bonded(WormLikeAngle, CosineShiftAngle, CosineShiftExpAngle, GaussianAngle)

@@ -11,10 +11,9 @@ from ..units import Units
 from ..units import units as system
 from .centred import Centred
 from .eam_file import EAMTables, read_setfl
-from .elements import ElementMap, mapped_line, require_known
+from .elements import ElementMap, mapped_style, named_elements, require_known
 from .embedded_atom import _place, spline
 from .neighborhood import around
-from .registry import MAPPED_STYLES, pair_style
 
 
 class AngularDependent(Centred):
@@ -49,9 +48,7 @@ class AngularDependent(Centred):
         self.units = u = system(units)
         if tables.u_eer is None or tables.w_eer is None:
             raise AtcError("adp: the tables have no dipole and quadrupole functions")
-        used = (
-            tables.elements if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
+        used = tables.elements if elements is None else named_elements(elements)
         keep = [tables.elements.index(e) for e in used]
         self.map = ElementMap(elements, used, "pair_style adp")
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
@@ -184,10 +181,4 @@ def _centres(s0, s1, most, near, tables, per_drho, rho_end, per_dr, G_end, S_end
     return n, total
 
 
-MAPPED_STYLES.add("adp")
-
-
-@pair_style("adp")
-def _adp(inp):
-    path, elements, line = mapped_line(inp, ".adp")
-    return AngularDependent.from_file(path, elements, units=inp.units, where=line.where)
+mapped_style("adp", ending=".adp", read=AngularDependent.from_file)

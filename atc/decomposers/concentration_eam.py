@@ -11,11 +11,10 @@ from ..units import Units
 from ..units import units as system
 from .base import Term, Work
 from .eam_file import EAMTables, read_setfl
-from .elements import ElementMap, mapped_line, require_known
+from .elements import ElementMap, mapped_style, require_known
 from .embedded_atom import _place, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
 from .neighborhood import around, between_sharing_neighbors
-from .registry import MAPPED_STYLES, pair_style
 
 
 class ConcentrationEAM(Term):
@@ -287,19 +286,5 @@ def _outer(s0, s1, most, near, rho_table, zr, per_dr, h, two_sites, rho, x, out)
     return m
 
 
-MAPPED_STYLES.update(("eam/cd", "eam/cd/old"))
-
-
-def _build(inp, two_sites):
-    path, elements, line = mapped_line(inp, ".cdeam")
-    return ConcentrationEAM.from_file(path, elements, units=inp.units, two_sites=two_sites, where=line.where)
-
-
-@pair_style("eam/cd")
-def _one_site(inp):
-    return _build(inp, False)
-
-
-@pair_style("eam/cd/old")
-def _two_sites(inp):
-    return _build(inp, True)
+mapped_style("eam/cd", ending=".cdeam", read=ConcentrationEAM.from_file)
+mapped_style("eam/cd/old", ending=".cdeam", read=ConcentrationEAM.from_file, two_sites=True)

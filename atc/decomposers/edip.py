@@ -14,7 +14,7 @@ from ..compiled import njit
 from ..errors import AtcError, AtcWarning
 from ..units import Units
 from .centred import Centred
-from .elements import mapped_line
+from .elements import mapped_line, mapped_style
 from .entries import Entry, OfEntries
 from .neighborhood import around
 from .registry import MAPPED_STYLES, pair_style
@@ -286,10 +286,7 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
     return n, total
 
 
-@pair_style("edip/multi")
-def _edip_multi(inp):
-    path, elements, line = mapped_line(inp, ".edip")
-    return EDIP.from_file(path, elements, units=inp.units, where=line.where)
+mapped_style("edip/multi", ending=".edip", read=EDIP.from_file)
 
 
 @pair_style("edip")
@@ -306,4 +303,4 @@ def _edip(inp):
     return EDIP.from_file(path, elements, units=inp.units, where=line.where)
 
 
-MAPPED_STYLES.update(("edip", "edip/multi"))
+MAPPED_STYLES.add("edip")

@@ -17,10 +17,10 @@ from ..units import Units
 from ..units import units as system
 from .base import Accumulator, Term, Work
 from .eam_file import EAMTables, read_funcfl, read_setfl
-from .elements import ElementMap, mapped_line, require_known
+from .elements import ElementMap, mapped_style, named_elements, require_known
 from .neighbor_work import NO_D, shares
 from .neighborhood import by_place, impossible
-from .registry import MAPPED_STYLES, pair_style
+from .registry import pair_style
 
 
 class EmbeddedAtom(Term):
@@ -60,16 +60,13 @@ class EmbeddedAtom(Term):
     ):
         self.units = u = system(units)
         self.name = name
-        used = (
-            tables.elements if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
         self.map = ElementMap(elements, tables.elements, f"pair_style {name}")
+        keep = list(range(len(tables.elements)))
         if elements is not None:
             # Only what is needed, so that a file of sixteen elements costs no memory.
+            used = named_elements(elements)
             keep = [tables.elements.index(e) for e in used]
             self.map = ElementMap(elements, used, f"pair_style {name}", rest)
-        else:
-            keep = list(range(len(used)))
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         self.dr, self.drho = tables.dr * length, tables.drho
         self.cutoff = float(tables.cutoff * length)
@@ -294,36 +291,19 @@ def _bonds(i, j, r, d2, n, element, rho, zr, per_dr, slope, atom, G, D, energies
     return m, total, -1
 
 
-MAPPED_STYLES.update(("eam/alloy", "eam/fs", "eam/he"))
-
-
-@pair_style("eam/alloy")
-def _alloy(inp):
-    path, elements, line = mapped_line(inp, ".eam.alloy")
-    return EmbeddedAtom.from_setfl(path, elements, units=inp.units, where=line.where)
-
-
-@pair_style("eam/fs")
-def _finnis_sinclair(inp):
-    path, elements, line = mapped_line(inp, ".eam.fs")
-    return EmbeddedAtom.from_setfl(path, elements, units=inp.units, finnis_sinclair=True, where=line.where)
-
-
-@pair_style("eam/he")
-def _helium(inp):
-    path, elements, line = mapped_line(inp, ".eam.he")
-    return EmbeddedAtom.from_setfl(path, elements, units=inp.units, helium=True, where=line.where)
+mapped_style("eam/alloy", ending=".eam.alloy", read=EmbeddedAtom.from_setfl)
+mapped_style("eam/fs", ending=".eam.fs", read=EmbeddedAtom.from_setfl, finnis_sinclair=True)
+mapped_style("eam/he", ending=".eam.he", read=EmbeddedAtom.from_setfl, helium=True)
 
 
 @pair_style("eam")
 def _funcfl(inp):
-    if inp.args:
-        raise inp.error(f"pair_style eam takes no arguments, got {' '.join(inp.args)}")
+    inp.no_arguments()
     paths: list = []
     of_type: dict[int, int] = {}
     for line in inp.coeffs:
         if len(line.words) != 1:
-            raise inp.error(f"pair_coeff of eam takes one funcfl file, got {' '.join(line.words) or 'nothing'}", line)
+            raise inp.wrong("pair_coeff of eam takes one funcfl file", line)
         mine = [a for a, b in line.covers(inp.n_types) if a == b]
         if not mine:
             raise inp.error(

@@ -12,7 +12,7 @@ from ..errors import AtcError
 from ..units import Units
 from ..units import units as system
 from .base import Term
-from .elements import ElementMap
+from .elements import ElementMap, named_elements
 from .parameter_file import read_entries
 
 
@@ -60,11 +60,7 @@ class OfEntries(Term):
         for e in entries.values():
             if wrong := e.check():
                 raise AtcError(f"{e.where}: {wrong}")
-        names = (
-            [next(iter(entries))[0]]
-            if elements is None
-            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
+        names = [next(iter(entries))[0]] if elements is None else named_elements(elements)
         self.map = ElementMap(elements, names, f"pair_style {self.style}")
         for triple in product(names, repeat=3):
             if triple not in entries:
@@ -81,6 +77,5 @@ class OfEntries(Term):
         elements : the element of each atom type from 1, ``"NULL"`` or None leaves a type out. where : the line that
             names the file, for messages. more : what else the class takes
         """
-        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        entries = read_entries(path, used, system(units).name, cls.entry, where)
+        entries = read_entries(path, named_elements(elements), system(units).name, cls.entry, where)
         return cls(entries, elements, units=units, **more)

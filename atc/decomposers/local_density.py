@@ -223,5 +223,5 @@ def _bonds(p0, p1, near, counted, shape, slope, out):
 def _local_density(inp):
     line = whole_line(inp, "pair_coeff * * <file>")
     if len(line.words) != 1:
-        raise inp.error(f"{inp.command} takes pair_coeff * * <file>, got {' '.join(line.words) or 'nothing'}", line)
+        raise inp.wrong(f"{inp.command} takes pair_coeff * * <file>", line)
     return LocalDensity.from_file(inp.path(line.words[0], line), units=inp.units, where=line.where)

@@ -120,7 +120,6 @@ one_cutoff(Pedone)
 @pair_style("momb")
 def _momb_style(inp: StyleInput):
     rc, s6, damping = inp.numbers(inp.args, [("cutoff", "length"), ("s6", "dimensionless"), ("d", "dimensionless")])
-    d0, alpha, r0, c6, rr, cutoff = pair_values(inp, (*MOMB.numbers[:5], MOMB.numbers[-1]), optional=1, defaults=[rc])
-    return MOMB.internal(
-        d0, alpha, r0, c6, rr, np.full_like(d0, s6), np.full_like(d0, damping), cutoff, shift=inp.modify.shift
-    )
+    *each, cutoff = pair_values(inp, (*MOMB.numbers[:5], MOMB.numbers[-1]), optional=1, defaults=[rc])
+    same = (np.full_like(cutoff, v) for v in (s6, damping))
+    return MOMB.internal(*each, *same, cutoff, shift=inp.modify.shift)

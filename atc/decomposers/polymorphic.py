@@ -14,11 +14,10 @@ from ..units import Units
 from ..units import units as system
 from .centred import Centred
 from .cluster import weights_of
-from .elements import ElementMap, mapped_line, require_known
+from .elements import ElementMap, mapped_style, require_known
 from .embedded_atom import spline
 from .neighborhood import around, between_neighbors
 from .parameter_file import LARGE, read_parameter_file, units_tag
-from .registry import MAPPED_STYLES, pair_style
 from .tersoff import _PAIR
 
 
@@ -157,11 +156,8 @@ class Polymorphic(Centred):
         self.cut, self.xi = t.cut_ee * length, t.xi_ee
         self.cutoff = float(self.cut.max())
         self.per_r = (nr - 1) / self.cut
-        self.per_p, self.per_g, self.per_x = (
-            (nr - 1) / (2.0 * self.cutoff),
-            (t.G.shape[-1] - 1) / 2.0,
-            (t.F.shape[-1] - 1) / t.xmax,
-        )
+        self.per_p = (nr - 1) / (2.0 * self.cutoff)
+        self.per_g, self.per_x = (t.G.shape[-1] - 1) / 2.0, (t.F.shape[-1] - 1) / t.xmax
         self.U, self.F = np.ascontiguousarray(spline(t.U * energy)), np.ascontiguousarray(spline(t.F * energy))
         self.V, self.W, self.P, self.G = (np.ascontiguousarray(spline(x)) for x in (t.V, t.W, t.P, t.G))
 
@@ -329,10 +325,4 @@ def _centres(s0, s1, most, near, eam, cut, xi, r_max, steps, tables, weights, G_
     return n, total
 
 
-MAPPED_STYLES.add("polymorphic")
-
-
-@pair_style("polymorphic")
-def _polymorphic(inp):
-    path, elements, line = mapped_line(inp, ".poly")
-    return Polymorphic.from_file(path, elements, units=inp.units, where=line.where)
+mapped_style("polymorphic", ending=".poly", read=Polymorphic.from_file)

@@ -13,7 +13,7 @@ from ..errors import AtcError, AtcWarning
 from ..units import Units
 from ..units import units as system
 from .centred import Centred
-from .elements import ElementMap, mapped_line
+from .elements import ElementMap, mapped_line, named_elements
 from .neighborhood import around
 from .parameter_file import LARGE, read_parameter_file, units_tag
 from .registry import MAPPED_STYLES, pair_style
@@ -163,7 +163,7 @@ class SplineMEAM(Centred):
         self.units = u = system(units)
         fs = functions
         self.style = "meam/spline" if fs.F is None else "meam/sw/spline"
-        used = list(dict.fromkeys(e for e in elements or () if e not in (None, "NULL")))
+        used = named_elements(elements)
         names = fs.names or used[:1] or ["X"]
         if fs.names is None and len(used) > 1:
             raise AtcError(f"pair_style {self.style}: the file is of one element, got {' '.join(used)}")
@@ -325,7 +325,10 @@ def _centres(s0, s1, most, near, index, splines, G_end, S_end, out, energies):
     return n, total
 
 
-def _build(inp, ending, stillinger_weber):
+@pair_style("meam/spline", "meam/sw/spline")
+def _meam_spline(inp):
+    stillinger_weber = inp.name == "meam/sw/spline"
+    ending = ".meam.sw.spline" if stillinger_weber else ".meam.spline"
     path, elements, line = mapped_line(inp, ending)
     functions = read_spline_meam(path, inp.units.name, stillinger_weber, line.where)
     if not stillinger_weber and functions.names is not None and elements != functions.names:
@@ -349,13 +352,3 @@ def _build(inp, ending, stillinger_weber):
 
 
 MAPPED_STYLES.update(("meam/spline", "meam/sw/spline"))
-
-
-@pair_style("meam/spline")
-def _meam_spline(inp):
-    return _build(inp, ".meam.spline", False)
-
-
-@pair_style("meam/sw/spline")
-def _meam_sw_spline(inp):
-    return _build(inp, ".meam.sw.spline", True)

@@ -26,7 +26,7 @@ from ..units import Units
 from ..units import units as system
 from .base import Work, two_body_sources
 from .cluster import weights_of
-from .elements import mapped_line
+from .elements import mapped_line, named_elements
 from .entries import OfEntries
 from .neighbor_work import TripletWork, shares
 from .parameter_file import read_entries
@@ -131,8 +131,7 @@ class StillingerWeber(OfEntries):
     ) -> StillingerWeber:
         """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``: see
         `OfEntries.from_file`."""
-        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        entries = read_entries(path, used, system(units).name, cls.entry, where)
+        entries = read_entries(path, named_elements(elements), system(units).name, cls.entry, where)
         return cls.from_entries(entries, elements, units=units, threebody=threebody, partition=partition)
 
     def share(self, partition):

@@ -19,7 +19,7 @@ from ..frame import Frame
 from ..units import Units
 from .base import Work
 from .cluster import weights_of
-from .elements import mapped_line
+from .elements import mapped_line, mapped_style
 from .entries import Entry, OfEntries
 from .neighbor_work import TripletWork, shares
 from .registry import MAPPED_STYLES, pair_style
@@ -412,21 +412,10 @@ class ScreenedTriplets(HarmonicTriplets):
         ) if e.rho > 0 else 0.0
 
 
-def _style(kind, ending):
-    def build(inp):
-        path, elements, line = mapped_line(inp, ending)
-        return kind.from_file(path, elements, units=inp.units, where=line.where)
-
-    MAPPED_STYLES.add(kind.style)
-    pair_style(kind.style)(build)
-
-
 @pair_style("vashishta/table")
 def _vashishta_table(inp):
     if len(inp.args) != 2 or not inp.args[0].isdigit():
-        raise inp.error(
-            f"{inp.command} takes the number of points and an inner cutoff, got {' '.join(inp.args) or 'nothing'}"
-        )
+        raise inp.wrong(f"{inp.command} takes the number of points and an inner cutoff")
     inner = inp.number(inp.args[1], 1.0, "inner cutoff")
     path, elements, line = mapped_line(inp.replace(args=()), ".vashishta")
     term = Vashishta.from_file(path, elements, units=inp.units, where=line.where)
@@ -438,6 +427,6 @@ def _vashishta_table(inp):
 
 
 MAPPED_STYLES.add("vashishta/table")
-_style(Vashishta, ".vashishta")
-_style(HarmonicTriplets, ".nb3b.harmonic")
-_style(ScreenedTriplets, ".nb3b.screened")
+mapped_style("vashishta", ending=".vashishta", read=Vashishta.from_file)
+mapped_style("nb3b/harmonic", ending=".nb3b.harmonic", read=HarmonicTriplets.from_file)
+mapped_style("nb3b/screened", ending=".nb3b.screened", read=ScreenedTriplets.from_file)
