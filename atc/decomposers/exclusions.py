@@ -92,25 +92,13 @@ class _Excluded:
 
     def leave_out(self, ws, n: int) -> int:
         """Take the pairs out of the first n of a workspace; how many are left."""
-        return _leave_out(
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.d2,
-            n,
-            self.types,
-            self.mask,
-            self.bits,
-            self.molecules,
-            self.a,
-            self.b,
-            self.same,
-            self.different,
-        )
+        rules = self.mask, self.a, self.b, self.same, self.different
+        return _leave_out((ws.i, ws.j, ws.r, ws.d2), n, self.types, self.bits, self.molecules, rules)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _leave_out(i, j, r, d2, n, types, mask, bits, molecules, a, b, same, different):
+def _leave_out(pairs, n, types, bits, molecules, rules):
+    (i, j, r, d2), (mask, a, b, same, different) = pairs, rules
     m = 0
     for k in range(n):
         p, q = i[k], j[k]

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from .parameter_file import LARGE, read_parameter_file, units_tag
+from .parameter_file import LARGE, read_parameter_file, same_units
 
 LATTICES = ("fcc", "bcc", "hcp", "dia", "sc", "dim", "b1", "b2", "l12")
 _LIBRARY = tuple("z ielement atwt alpha b0 b1 b2 b3 alat esub asub t0 t1 t2 t3 rozero ibar".split())
@@ -109,7 +109,7 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     AtcError for missing or malformed files, unknown keywords, what is not supported (see `atc.decomposers.meam.MEAM`).
     """
     text = read_parameter_file(library, "MEAM library", where)
-    _same_units(text, library, units_name)
+    same_units(text, units_name, library, "MEAM")
     known = library_elements(text, library)
     rows, lat = [], []
     for name in names:
@@ -225,14 +225,6 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     )
 
 
-def _same_units(text, path, units_name):
-    if units_tag(text) not in (None, units_name):
-        raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
-            "convert MEAM files"
-        )
-
-
 def _lattice(word, at) -> str:
     word = word.lower()
     if word not in LATTICES:
@@ -258,7 +250,7 @@ def _numbers(words, at) -> list[float]:
 
 def _read_settings(path, m, own, scalars, units_name, where):
     text = read_parameter_file(path, "MEAM parameter", where)
-    _same_units(text, path, units_name)
+    same_units(text, units_name, path, "MEAM")
     # What is given for (J, I), J > I, LAMMPS reads and never uses, but for nn2 and zbl.
     ignored: dict[tuple, tuple[str, str, str]] = {}
     for number, line in enumerate(text.splitlines(), 1):
