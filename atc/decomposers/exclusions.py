@@ -137,21 +137,21 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
             continue
         words, k = c.words, 0
         if c.unknown:
-            raise AtcError(f"{c.where}: {c.unknown}")
+            raise c.error(f"{c.unknown}")
         where = where or c.where
         while k < len(words):
             key, rest = words[k], words[k + 1 :]
             kind = rest[0] if rest else ""
             if key == "include":
                 if not kind:
-                    raise AtcError(f"{c.where}: neigh_modify include needs the name of a group")
+                    raise c.error("neigh_modify include needs the name of a group")
                 only, k = kind, k + 2
             elif key in values:
                 k += 1 + values[key]
             elif key.startswith("collection/"):
                 k += 2 + (int(kind) if kind.isdigit() else 0)
             elif key != "exclude":
-                raise AtcError(f"{c.where}: neigh_modify {key} is not known")
+                raise c.error(f"neigh_modify {key} is not known")
             elif kind == "none":
                 types, named, k = [], [], k + 2
             elif kind in ("type", "group") and len(rest) > 2:
@@ -164,8 +164,8 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
                 named.append(("molecule/intra" if kind == "molecule" else kind, rest[1]))
                 k += 3
             else:
-                raise AtcError(
-                    f"{c.where}: expected neigh_modify exclude type, group, molecule/intra, molecule/inter or none, "
+                raise c.error(
+                    f"expected neigh_modify exclude type, group, molecule/intra, molecule/inter or none, "
                     f"got {' '.join(rest) or 'nothing'}"
                 )
     some = () if only == "all" else (only,)

@@ -109,14 +109,8 @@ class Section:
 
     def __init__(self, name, comment, line, buf, number, source, last):
         self._last = last  # whether its last line is the last of the file
-        self.name, self.comment, self.line, self.buf, self.number, self.source = (
-            name,
-            comment,
-            line,
-            buf,
-            number,
-            source,
-        )
+        self.name, self.comment, self.line = name, comment, line
+        self.buf, self.number, self.source = buf, number, source
 
     def __len__(self):
         return len(self.number)

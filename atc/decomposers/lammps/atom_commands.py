@@ -6,7 +6,6 @@ import re
 
 import numpy as np
 
-from ...errors import AtcError
 from .script import Command
 
 #: Properties of atoms that are kept, and what a created atom has.
@@ -36,17 +35,14 @@ def set_keywords(c: Command) -> list[tuple[str, tuple[str, ...]]]:
     """[(keyword, values), ...] of a ``set`` command. AtcError for a keyword that is not known."""
     out, k = [], 2
     if len(c.words) < 4:
-        raise AtcError(
-            f"{c.where}: expected 'set atom|type|mol|group|region <which> <keyword> <value>', got 'set "
-            f"{' '.join(c.words)}'"
+        raise c.error(
+            f"expected 'set atom|type|mol|group|region <which> <keyword> <value>', got 'set {' '.join(c.words)}'"
         )
     while k < len(c.words):
         key = c.words[k]
         n = 1 if re.match(r"[id]2?_", key) else SET.get(key, (0, ""))[0]
         if not n or k + n >= len(c.words):
-            raise AtcError(
-                f"{c.where}: set {key}: {'its value is missing' if n else 'no property of atoms that atc knows'}"
-            )
+            raise c.error(f"set {key}: {'its value is missing' if n else 'no property of atoms that atc knows'}")
         out.append((key, c.words[k + 1 : k + 1 + n]))
         k += 1 + n
     return out
@@ -56,7 +52,7 @@ def boundary_words(c: Command) -> tuple[str, ...]:
     """The three words of a ``boundary`` command, or of ``change_box ... boundary``."""
     words = c.words if c.name == "boundary" else c.words[c.words.index("boundary") + 1 :][:3]
     if len(words) != 3 or any(not re.fullmatch("p|pp|[fsm]{1,2}", w) for w in words):
-        raise AtcError(f"{c.where}: {c.name}: expected three of p, f, s, m, got {' '.join(words) or 'nothing'}")
+        raise c.error(f"{c.name}: expected three of p, f, s, m, got {' '.join(words) or 'nothing'}")
     return tuple(words)
 
 

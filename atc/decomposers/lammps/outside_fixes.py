@@ -53,13 +53,8 @@ def _laws(c: Command, group: Group, u: Units, lattice: bool) -> list[Law]:
         return [Constant(**said, vector=tuple(force * _number(w) for w in words[:3]))]
     if style in ("setforce", "aveforce"):
         _only(words[3:])
-        return [
-            Put(
-                **said,
-                values=tuple(None if w == "NULL" else force * _number(w) for w in words[:3]),
-                mean=style == "aveforce",
-            )
-        ]
+        values = tuple(None if w == "NULL" else force * _number(w) for w in words[:3])
+        return [Put(**said, values=values, mean=style == "aveforce")]
     if style == "freeze":
         return [Put(**said, values=(0.0, 0.0, 0.0))]
     if style in ("lineforce", "planeforce"):

@@ -137,7 +137,7 @@ class Setup:
                     data.use_molecules(self._templates())
                 data.use_units(units(self.units))
             except AtcError as e:
-                raise AtcError(f"{c.where}: read_data: {e}") from None
+                raise c.error(f"read_data: {e}") from None
             self._files[path] = data
         return self._files[path]
 
