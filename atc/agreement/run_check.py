@@ -67,15 +67,9 @@ class RunCheck:
         return out
 
     def json(self) -> str:
-        return json.dumps(
-            {
-                "agrees": self.agrees,
-                "agrees_with_run": self.text,
-                "notes": self.notes,
-                "frames": [_plain(f, self.units) for f in self.frames],
-            },
-            indent=2,
-        )
+        frames = [_plain(f, self.units) for f in self.frames]
+        out = {"agrees": self.agrees, "agrees_with_run": self.text, "notes": self.notes, "frames": frames}
+        return json.dumps(out, indent=2)
 
     def print(self, console) -> None:
         """Model and run side by side, frame by frame."""
@@ -84,50 +78,22 @@ class RunCheck:
             rows = [("", "model", "run", "difference", "digits explain", "")]
             lines = [] if f.thermo is None else f.thermo.lines
             if not any(x.name == "energy" for x in lines):
-                rows.append(
-                    (
-                        f"energy ({self.units.label('energy')})",
-                        _g(self.units.to_user("energy", f.energy)),
-                        "-",
-                        "",
-                        "",
-                        "",
-                    )
-                )
+                energy = _g(self.units.to_user("energy", f.energy))
+                rows.append((f"energy ({self.units.label('energy')})", energy, "-", "", "", ""))
             for x in lines:
                 sign = "yes" if x.agrees else "no" if x.counts else "(no)"
-                rows.append(
-                    (
-                        f"{x.name} ({x.units})" if x.units else x.name,
-                        _g(x.model),
-                        _g(x.run),
-                        f"{x.difference:.3g}",
-                        f"{x.allowed:.2g}",
-                        sign,
-                    )
-                )
+                name = f"{x.name} ({x.units})" if x.units else x.name
+                rows.append((name, _g(x.model), _g(x.run), f"{x.difference:.3g}", f"{x.allowed:.2g}", sign))
             if f.forces is not None:
                 c = f.forces
                 rms = self.units.to_user("force", c.rms)
                 share = self.units.to_user("force", c.rms_difference)
-                rows.append(
-                    (
-                        f"forces, rms ({self.units.label('force')})",
-                        "",
-                        f"{rms:.6g}",
-                        f"{share:.3g}",
-                        f"{c.explained * rms:.2g}",
-                        "yes" if c.agrees else "no",
-                    )
-                )
+                sign, name = "yes" if c.agrees else "no", f"forces, rms ({self.units.label('force')})"
+                rows.append((name, "", f"{rms:.6g}", f"{share:.3g}", f"{c.explained * rms:.2g}", sign))
             widths = [max(len(r[k]) for r in rows) for k in range(6)]
             for r in rows:
-                console.print(
-                    (
-                        "  " + r[0].ljust(widths[0]) + "".join("  " + r[k].rjust(widths[k]) for k in range(1, 6))
-                    ).rstrip(),
-                    soft_wrap=True,
-                )
+                row = "  " + r[0].ljust(widths[0]) + "".join("  " + r[k].rjust(widths[k]) for k in range(1, 6))
+                console.print(row.rstrip(), soft_wrap=True)
             if f.forces is not None and f.forces.coulomb is not None:
                 text = f.forces.coulomb.describe(self.units)
                 console.print(f"  note: explained are digits and {text}", soft_wrap=True)

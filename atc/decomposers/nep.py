@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Frame
 from ..units import units as system
 from .base import Potential
@@ -189,10 +189,8 @@ def _nep_style(inp):
 
 
 def _read_here(path, where) -> NEPFile:
-    try:
+    with located(where):
         return read_nep(path)
-    except AtcError as e:
-        raise AtcError(f"{where}: {e}") from None
 
 
 def nep(path, types=None, reference=None) -> Potential:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell
 from ..units import LAMMPS_STYLES
 from . import _parse
@@ -378,10 +378,8 @@ class ExtendedXyz(LammpsTrajectory):
         origin = np.zeros(3) if comment.origin is None else comment.origin
         periodic = comment.periodic or (True, True, True)
         factor = comment.cell_length if comment.kind == "ipi" else 1.0
-        try:
+        with located(where):
             cell = Cell(comment.vectors * (factor * u.length), origin * u.length, periodic)
-        except AtcError as e:
-            raise AtcError(f"{where}: {e}") from None
         if self._by_lammps and comment.origin is None and not all(periodic):
             s = (np.stack([columns[a] for a in "xyz"], 1) * u.length) @ np.linalg.inv(cell.vectors)
             outside = ~np.array(periodic) & ((s < -1e-6).any(axis=0) | (s > 1 + 1e-6).any(axis=0))
