@@ -104,7 +104,7 @@ class CoulombDSF(_Damped):
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
         damping = self.alpha, self.e_shift, self.f_shift
-        _dsf(types, i, j, d2, weights, self.table, self.constant, damping, self.approximate, prepared, U, G)
+        _dsf(types, i, j, d2, weights, self.table, self.constant, *damping, self.approximate, prepared, U, G)
 
 
 class CoulombDSFExact(CoulombDSF):
@@ -135,7 +135,7 @@ class CoulombWolf(_Damped):
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
         damping = self.alpha, self.e_shift, self.f_shift
-        _wolf(types, i, j, d2, weights, self.table, self.constant, damping, prepared, U, G)
+        _wolf(types, i, j, d2, weights, self.table, self.constant, *damping, prepared, U, G)
 
 
 def coulomb_constant(inp: StyleInput) -> float:
@@ -192,8 +192,7 @@ def _coul_cut(types, i, j, d2, weights, table, constant, q, U, G):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _dsf(types, i, j, d2, weights, table, constant, damping, approximate, q, U, G):
-    alpha, e_shift, f_shift = damping
+def _dsf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, approximate, q, U, G):
     weighted = len(weights) > 0
     for b in range(len(d2)):
         p, k = i[b], j[b]
@@ -218,8 +217,7 @@ def _dsf(types, i, j, d2, weights, table, constant, damping, approximate, q, U, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _wolf(types, i, j, d2, weights, table, constant, damping, q, U, G):
-    alpha, e_shift, f_shift = damping
+def _wolf(types, i, j, d2, weights, table, constant, alpha, e_shift, f_shift, q, U, G):
     weighted = len(weights) > 0
     for b in range(len(d2)):
         p, k = i[b], j[b]
