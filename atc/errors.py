@@ -22,6 +22,15 @@ class AtcWarning(UserWarning):
             logger().warning("%s", args[0])
 
 
+@contextlib.contextmanager
+def located(where: str):
+    """What is wrong within is said to be at a file, frame or line."""
+    try:
+        yield
+    except AtcError as e:
+        raise AtcError(f"{where}: {e}") from None
+
+
 def logger():
     """Python's logger "atc": warnings, and (level INFO) what is computed and how. Silent until a program sets logging
     up."""

@@ -67,15 +67,9 @@ class RunCheck:
         return out
 
     def json(self) -> str:
-        return json.dumps(
-            {
-                "agrees": self.agrees,
-                "agrees_with_run": self.text,
-                "notes": self.notes,
-                "frames": [_plain(f, self.units) for f in self.frames],
-            },
-            indent=2,
-        )
+        frames = [_plain(f, self.units) for f in self.frames]
+        out = {"agrees": self.agrees, "agrees_with_run": self.text, "notes": self.notes, "frames": frames}
+        return json.dumps(out, indent=2)
 
     def print(self, console) -> None:
         """Model and run side by side, frame by frame."""
@@ -84,50 +78,22 @@ class RunCheck:
             rows = [("", "model", "run", "difference", "digits explain", "")]
             lines = [] if f.thermo is None else f.thermo.lines
             if not any(x.name == "energy" for x in lines):
-                rows.append(
-                    (
-                        f"energy ({self.units.label('energy')})",
-                        _g(self.units.to_user("energy", f.energy)),
-                        "-",
-                        "",
-                        "",
-                        "",
-                    )
-                )
+                energy = _g(self.units.to_user("energy", f.energy))
+                rows.append((f"energy ({self.units.label('energy')})", energy, "-", "", "", ""))
             for x in lines:
                 sign = "yes" if x.agrees else "no" if x.counts else "(no)"
-                rows.append(
-                    (
-                        f"{x.name} ({x.units})" if x.units else x.name,
-                        _g(x.model),
-                        _g(x.run),
-                        f"{x.difference:.3g}",
-                        f"{x.allowed:.2g}",
-                        sign,
-                    )
-                )
+                name = f"{x.name} ({x.units})" if x.units else x.name
+                rows.append((name, _g(x.model), _g(x.run), f"{x.difference:.3g}", f"{x.allowed:.2g}", sign))
             if f.forces is not None:
                 c = f.forces
                 rms = self.units.to_user("force", c.rms)
                 share = self.units.to_user("force", c.rms_difference)
-                rows.append(
-                    (
-                        f"forces, rms ({self.units.label('force')})",
-                        "",
-                        f"{rms:.6g}",
-                        f"{share:.3g}",
-                        f"{c.explained * rms:.2g}",
-                        "yes" if c.agrees else "no",
-                    )
-                )
+                sign, name = "yes" if c.agrees else "no", f"forces, rms ({self.units.label('force')})"
+                rows.append((name, "", f"{rms:.6g}", f"{share:.3g}", f"{c.explained * rms:.2g}", sign))
             widths = [max(len(r[k]) for r in rows) for k in range(6)]
             for r in rows:
-                console.print(
-                    (
-                        "  " + r[0].ljust(widths[0]) + "".join("  " + r[k].rjust(widths[k]) for k in range(1, 6))
-                    ).rstrip(),
-                    soft_wrap=True,
-                )
+                row = "  " + r[0].ljust(widths[0]) + "".join("  " + r[k].rjust(widths[k]) for k in range(1, 6))
+                console.print(row.rstrip(), soft_wrap=True)
             if f.forces is not None and f.forces.coulomb is not None:
                 text = f.forces.coulomb.describe(self.units)
                 console.print(f"  note: explained are digits and {text}", soft_wrap=True)
@@ -151,35 +117,22 @@ def _g(x) -> str:
 
 def _plain(f: FrameCheck, units) -> dict:
     out = {
-        "frame": f.frame,
-        "step": f.step,
-        "agrees": f.agrees,
-        "energy": units.to_user("energy", f.energy),
+        "frame": f.frame, "step": f.step, "agrees": f.agrees, "energy": units.to_user("energy", f.energy),
         "energy_units": units.label("energy"),
-    }
+    }  # fmt: skip
     if f.forces is not None:
         c = f.forces
         out["forces"] = {
-            "agrees": c.agrees,
-            "rms_share": c.share,
-            "explained_share": c.explained,
-            "rms": units.to_user("force", c.rms),
-            "units": units.label("force"),
-            "atoms": c.atoms,
-            "atoms_differ": c.differ,
-            "worst_atoms": list(c.worst),
-            "looks_like": c.looks,
-            "explained_by": c.because,
+            "agrees": c.agrees, "rms_share": c.share, "explained_share": c.explained,
+            "rms": units.to_user("force", c.rms), "units": units.label("force"), "atoms": c.atoms,
+            "atoms_differ": c.differ, "worst_atoms": list(c.worst), "looks_like": c.looks, "explained_by": c.because,
             "outside": list(c.outside),
-        }
+        }  # fmt: skip
     if f.thermo is not None:
         out["log"] = {
-            "agrees": f.thermo.agrees,
-            "source": f.thermo.source,
-            "numbers": [x.plain() for x in f.thermo.lines],
-            "notes": f.thermo.notes,
-            "causes": list(f.thermo.causes),
-        }
+            "agrees": f.thermo.agrees, "source": f.thermo.source, "numbers": [x.plain() for x in f.thermo.lines],
+            "notes": f.thermo.notes, "causes": list(f.thermo.causes),
+        }  # fmt: skip
     return out
 
 
@@ -249,8 +202,7 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
             steps = log.steps
             out.notes.append(
                 f"the log {log.name} has none of the steps of the frames that were looked at (frame {given[0]}: step "
-                f"{looked[given[0]].step}; "
-                f"log: steps {steps[0]} to {steps[-1]})"
+                f"{looked[given[0]].step}; log: steps {steps[0]} to {steps[-1]})"
             )
     seen_forces, seen_log = (any(getattr(f, kind) is not None for f in out.frames) for kind in ("forces", "thermo"))
     reasons = []

@@ -157,26 +157,18 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
     of_temperature = any(cause.startswith("temperature of") for cause in row.causes)
     of_pressure = any(cause.startswith("pressure of") for cause in row.causes)
 
-    def add(name, dimension, model, key_or_value, digit, doubt=0.0, scale=0.0, counts=True, times=1):
+    def add(name, dimension, model, said, doubt=0.0, scale=0.0, counts=True, times=1):
+        value, digit = (have[said], last[said]) if isinstance(said, str) else said
         factor = u.factor(dimension)
         allowed = 0.5 * digit * 1.001 + (doubt + ROUNDING * scale) / factor / times
-        out.lines.append(
-            Line(name, u.label(dimension), float(model) / factor / times, float(key_or_value), float(allowed), counts)
-        )
+        model = float(model) / factor / times
+        out.lines.append(Line(name, u.label(dimension), model, float(value), float(allowed), counts))
 
     run = _potential_energy(have, last)
     if run is not None:
-        value, digit, what = run
-        add(
-            "energy",
-            "energy",
-            energy,
-            value,
-            digit,
-            doubt[0],
-            abs(energy) + 1e-4 * CANCELLATION / ROUNDING * n,
-            times=per,
-        )
+        *said, what = run
+        scale = abs(energy) + 1e-4 * CANCELLATION / ROUNDING * n
+        add("energy", "energy", energy, said, doubt[0], scale, times=per)
         if what:
             out.notes.append(what)
         if per > 1:
@@ -196,37 +188,19 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
         total = float(np.trace(kinetic))
         free = dimension * (n - 1) - _held(frame, pot)
         if "kinetic" in have:
-            add(
-                "kinetic energy",
-                "energy",
-                0.5 * total,
-                have["kinetic"],
-                last["kinetic"],
-                k_doubt,
-                0.5 * total,
-                counts=not of_temperature,
-                times=per,
-            )
+            half = 0.5 * total
+            add("kinetic energy", "energy", half, "kinetic", k_doubt, half, counts=not of_temperature, times=per)
         if "temperature" in have and free > 0:
-            k_B = frame.units.boltzmann
-            add(
-                "temperature",
-                "temperature",
-                total / (free * k_B),
-                have["temperature"],
-                last["temperature"],
-                2 * k_doubt / (free * k_B),
-                total / (free * k_B),
-                counts="kinetic" not in have and not of_temperature,
-            )
+            k_B, counts = frame.units.boltzmann, "kinetic" not in have and not of_temperature
+            T = total / (free * k_B)
+            add("temperature", "temperature", T, "temperature", 2 * k_doubt / (free * k_B), T, counts=counts)
             _degrees_of_freedom(out, total, k_B, free, have["temperature"])
     elif "temperature" in have and n > 1:
         per_kelvin = (dimension * (n - 1) - _held(frame, pot)) * frame.units.boltzmann
         total = per_kelvin * have["temperature"]
-        kinetic, source = (
-            None,
+        source = (
             "the kinetic part of its pressure is that of the log's temperature, since the frame has no velocities or "
-            "no masses",
+            "no masses"
         )
         k_doubt = per_kelvin * last["temperature"]
     else:
@@ -237,34 +211,18 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
         p = (part - float(np.trace(virial))) / (dimension * V)
         size = (abs(part) + float(np.abs(np.diag(virial)).sum())) / (dimension * V)
         if "pressure" in have:
-            add(
-                "pressure",
-                "pressure",
-                p,
-                have["pressure"],
-                last["pressure"],
-                (float(np.trace(doubt[1])) + 2 * k_doubt) / (dimension * V),
-                size,
-                not of_pressure,
-            )
+            unsure = (float(np.trace(doubt[1])) + 2 * k_doubt) / (dimension * V)
+            add("pressure", "pressure", p, "pressure", unsure, size, not of_pressure)
             if source:
                 out.notes.append(source)
         if kinetic is not None:
             P = (kinetic - virial) / V
             for key, (a, b) in _TENSOR.items():
                 if key in have and max(a, b) < dimension:
-                    add(
-                        f"pressure {key[1:]}",
-                        "pressure",
-                        P[a, b],
-                        have[key],
-                        last[key],
-                        (doubt[1][a, b] + 2 * k_doubt) / V,
-                        size,
-                        not of_pressure,
-                    )
+                    unsure = (doubt[1][a, b] + 2 * k_doubt) / V
+                    add(f"pressure {key[1:]}", "pressure", P[a, b], key, unsure, size, not of_pressure)
     if "volume" in have and V > 0:
-        add("volume", "volume", V, have["volume"], last["volume"], 1e-5 * V)
+        add("volume", "volume", V, "volume", 1e-5 * V)
     if "atoms" in have and have["atoms"] != n:
         out.lines.append(Line("atoms", "", float(n), float(have["atoms"]), 0.0))
     return out
@@ -338,8 +296,7 @@ def _explanations(frame, check: ThermoCheck, forces) -> list[str]:
         if np.ptp(d) <= 2 * max(x.allowed for x in diagonal):
             out.append(
                 f"the run's pressure differs by the same {-d.mean():.6g} {diagonal[0].units} along x, y and z: a tail "
-                "correction (pair_modify tail yes), "
-                "which is in no field"
+                "correction (pair_modify tail yes), which is in no field"
             )
     if agree and check.wrong:
         out.append(

@@ -118,8 +118,7 @@ class _AngleWork(Work):
             ids = ", ".join(str(self.frame.ids[k[bad]]) for k in (b, a, c))
             raise AtcError(
                 f"{self.frame.source}: the angle {ids} (type {types[bad]}, style {self.term.name}) is "
-                f"{np.degrees(np.arctan2(sin[bad], cos[bad])):.6g} degrees, "
-                "where its energy is not a finite number"
+                f"{np.degrees(np.arctan2(sin[bad], cos[bad])):.6g} degrees, where its energy is not a finite number"
             )
         if acc.energies is not None:
             _share3(b, a, c, U, self.term.weights, acc.energies)
@@ -335,13 +334,12 @@ class TableAngle(AngleStyle):
         return int(small.sum())
 
 
-register_bonded(angle_style, HarmonicAngle, CosineAngle, CosineSquaredAngle, CosineDeltaAngle, CharmmAngle)
+register_bonded(HarmonicAngle, CosineAngle, CosineSquaredAngle, CosineDeltaAngle, CharmmAngle)
 
 
 @angle_style("zero")
 def _zero(inp):
-    values = {t: () for line in inp.coeffs for (t,) in line.covers(inp.n_types)}
-    return ZeroAngle._from_input(values, inp)
+    return ZeroAngle._from_input(inp.by_type(lambda line: ()), inp)
 
 
 @angle_style("table")

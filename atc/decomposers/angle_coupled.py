@@ -12,7 +12,6 @@ import numpy as np
 from .angle import AngleStyle, over_sine
 from .angle_curves import deviation_over_sine, polynomial
 from .bonded import CrossTerms, degrees, energy, energy_per_length, length, per_length2, register_bonded
-from .registry import angle_style
 
 
 class CoupledAngle(AngleStyle):
@@ -73,13 +72,9 @@ class CrossAngle(CoupledAngle):
 
     name = "cross"
     wants = (
-        ("K_SS", per_length2),
-        ("K_BS0", energy_per_length),
-        ("K_BS1", energy_per_length),
-        ("r1", length),
-        ("r2", length),
-        ("theta0", degrees),
-    )
+        ("K_SS", per_length2), ("K_BS0", energy_per_length), ("K_BS1", energy_per_length), ("r1", length),
+        ("r2", length), ("theta0", degrees),
+    )  # fmt: skip
 
     def add_coupled(self, types, cos, sin, d_b, d_c, U, U_c, G_b, G_c):
         K, N1, N2, r1, r2, theta0 = self.table[types].T
@@ -92,4 +87,4 @@ class CrossAngle(CoupledAngle):
         return clamped
 
 
-register_bonded(angle_style, Class2Angle, Class2P6Angle, CrossAngle)
+register_bonded(Class2Angle, Class2P6Angle, CrossAngle)

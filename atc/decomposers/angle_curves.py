@@ -11,7 +11,6 @@ from ..errors import AtcWarning
 from .angle import AngleStyle, over_sine
 from .bond_curves import gaussian_row, log_of_gaussians
 from .bonded import RowTerm, degrees, energy, kelvin, plain, register_bonded
-from .registry import angle_style
 
 
 class CosineCurve(AngleStyle):
@@ -150,10 +149,9 @@ class FourierSimpleAngle(CosineCurve):
         n = self.table[t, 2]
         if n not in (0.0, 1.0, 2.0) and self.table[t, 0] and self.table[t, 1]:
             warnings.warn(
-                f"angle_style fourier/simple with n = {n:g}: LAMMPS computes forces that are not the derivative of "
-                "its energy for n other than 1 and 2; "
-                "the run's forces are taken as they are, so energy is not balanced: use angle_style cosine/periodic "
-                "or fourier in new runs",
+                f"angle_style fourier/simple with n = {n:g}: LAMMPS computes forces that are not the derivative of its "
+                "energy for n other than 1 and 2; the run's forces are taken as they are, so energy is not balanced: "
+                "use angle_style cosine/periodic or fourier in new runs",
                 AtcWarning,
                 stacklevel=2,
             )
@@ -297,16 +295,5 @@ class GaussianAngle(RowTerm, ThetaCurve):
         return log_of_gaussians(theta, kT, np.stack(terms, axis=1).reshape(len(theta), -1, 3))
 
 
-register_bonded(
-    angle_style,
-    QuarticAngle,
-    MM3Angle,
-    FourierAngle,
-    FourierSimpleAngle,
-    CosinePeriodicAngle,
-    RestrictedAngle,
-    WormLikeAngle,
-    CosineShiftAngle,
-    CosineShiftExpAngle,
-    GaussianAngle,
-)
+register_bonded(QuarticAngle, MM3Angle, FourierAngle, FourierSimpleAngle, CosinePeriodicAngle, RestrictedAngle)
+register_bonded(WormLikeAngle, CosineShiftAngle, CosineShiftExpAngle, GaussianAngle)

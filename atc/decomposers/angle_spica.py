@@ -8,7 +8,7 @@ import numpy as np
 from .angle import HarmonicAngle
 from .bond import _BondWork
 from .bond_pairwise import OwnPairs
-from .bonded import HybridWork, degrees, energy
+from .bonded import HybridWork, degrees, energy, first_true
 from .registry import angle_style
 
 
@@ -69,19 +69,17 @@ class _Repulsion(_BondWork):
             near = on & (x > x_min)
             U[:] = np.where(near, A * x**n - B * x**m - (A * x_min**n - B * x_min**m), 0.0)
             G[:] = np.where(near, (m * B * x**m - n * A * x**n) / d**2, 0.0)
-        bad = ~np.isfinite(U + G)
-        return (int(np.argmax(bad)) if bad.any() else -1), 0
+        return first_true(~np.isfinite(U + G)), 0
 
 
 @angle_style("spica", "sdk")
 def _spica(inp):
-    if inp.args:
-        raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
+    inp.no_arguments()
     if not any(s.name == "lj/spica" for s in getattr(inp.pairs, "styles", ())):
         raise inp.error(
             f"{inp.command} adds the repulsion of pair_style lj/spica (lj/sdk) between its outer atoms, which is not "
             "there: give it first"
         )
-    term = SpicaAngle._from_input(inp.type_values([(what, f(inp.units)) for what, f in SpicaAngle.wants]), inp)
+    term = SpicaAngle._from_input(inp.type_values(SpicaAngle.wanted(inp.units)), inp)
     term.pairs = inp.pairs
     return term

@@ -11,10 +11,9 @@ from ..units import Units
 from ..units import units as system
 from .centred import Centred
 from .eam_file import EAMTables, read_setfl
-from .elements import ElementMap, mapped_line, require_known
-from .embedded_atom import _place, spline
-from .neighborhood import around
-from .registry import MAPPED_STYLES, pair_style
+from .elements import ElementMap, mapped_style, named_elements, require_known
+from .embedded_atom import _place, cubic, spline
+from .neighborhood import around, share_half
 
 
 class AngularDependent(Centred):
@@ -49,9 +48,7 @@ class AngularDependent(Centred):
         self.units = u = system(units)
         if tables.u_eer is None or tables.w_eer is None:
             raise AtcError("adp: the tables have no dipole and quadrupole functions")
-        used = (
-            tables.elements if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
+        used = tables.elements if elements is None else named_elements(elements)
         keep = [tables.elements.index(e) for e in used]
         self.map = ElementMap(elements, used, "pair_style adp")
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
@@ -90,26 +87,17 @@ class AngularDependent(Centred):
 def _pairs(p0, p1, near, zr, per_dr, G, energies):
     _, _, _, a, b, _, d, element, atom = near
     points = zr.shape[2] - 1
-    shared = len(energies) > 0
     total = 0.0
     for p in range(p0, p1):
         m, x = _place(d[p], per_dr, points)
-        c = zr[element[a[p]], element[b[p]], m]
-        u = (((c[0] * x + c[1]) * x + c[2]) * x + c[3]) / d[p]
-        G[p] = (((3.0 * c[0] * x + 2.0 * c[1]) * x + c[2]) * per_dr - u) / (d[p] * d[p])
+        z, dz = cubic(zr[element[a[p]], element[b[p]], m], x, per_dr)
+        u = z / d[p]
+        G[p] = (dz - u) / (d[p] * d[p])
         if not np.isfinite(G[p] + u):
             return 0.0, p
         total += u
-        if shared:
-            energies[atom[a[p]]] += 0.5 * u
-            energies[atom[b[p]]] += 0.5 * u
+        share_half(energies, atom[a[p]], atom[b[p]], u)
     return total, -1
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _spline(c, x, per_step):
-    """Value and slope of a cubic."""
-    return ((c[0] * x + c[1]) * x + c[2]) * x + c[3], ((3.0 * c[0] * x + 2.0 * c[1]) * x + c[2]) * per_step
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -136,10 +124,10 @@ def _centres(s0, s1, most, near, tables, per_drho, rho_end, per_dr, G_end, S_end
         for e in range(k):
             row, x = _place(dist[e], per_dr, points)
             ee = element[who[e]]
-            value, drho[e] = _spline(rho_table[ee, es, row], x, per_dr)
+            value, drho[e] = cubic(rho_table[ee, es, row], x, per_dr)
             rho += value
-            u[e], du[e] = _spline(u_table[es, ee, row], x, per_dr)
-            w[e], dw[e] = _spline(w_table[es, ee, row], x, per_dr)
+            u[e], du[e] = cubic(u_table[es, ee, row], x, per_dr)
+            w[e], dw[e] = cubic(w_table[es, ee, row], x, per_dr)
             m += u[e]
             for c in range(3):
                 mu[c] += u[e] * arm[e, c]
@@ -149,7 +137,7 @@ def _centres(s0, s1, most, near, tables, per_drho, rho_end, per_dr, G_end, S_end
         x = rho * per_drho + 1.0
         row = max(1, min(int(x), rhos - 1))
         x = min(x - row, 1.0)
-        U, slope = _spline(F[es, row], x, per_drho)
+        U, slope = cubic(F[es, row], x, per_drho)
         if rho > rho_end:
             U += slope * (rho - rho_end)
         nu = lam[0, 0] + lam[1, 1] + lam[2, 2]
@@ -184,10 +172,4 @@ def _centres(s0, s1, most, near, tables, per_drho, rho_end, per_dr, G_end, S_end
     return n, total
 
 
-MAPPED_STYLES.add("adp")
-
-
-@pair_style("adp")
-def _adp(inp):
-    path, elements, line = mapped_line(inp, ".adp")
-    return AngularDependent.from_file(path, elements, units=inp.units, where=line.where)
+mapped_style("adp", ending=".adp", read=AngularDependent.from_file)

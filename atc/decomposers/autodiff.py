@@ -14,22 +14,7 @@ import operator
 
 import numpy as np
 
-UNARY = (
-    "exp",
-    "log",
-    "sqrt",
-    "sin",
-    "cos",
-    "tan",
-    "arcsin",
-    "arccos",
-    "arctan",
-    "sinh",
-    "cosh",
-    "tanh",
-    "expm1",
-    "log1p",
-)
+UNARY = tuple("exp log sqrt sin cos tan arcsin arccos arctan sinh cosh tanh expm1 log1p".split())
 ERF = ("erf", "erfc")
 _BINARY = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**"}
 COMPARE = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
@@ -82,15 +67,8 @@ class Tape:
         if op == "sub" and c[0] == 0.0:
             return self.apply("neg", args[1])
         if op in _BINARY and None not in c:
-            f = {
-                "add": operator.add,
-                "sub": operator.sub,
-                "mul": operator.mul,
-                "div": operator.truediv,
-                "pow": operator.pow,
-            }[op]
             if not (op == "div" and c[1] == 0.0):
-                return self.value(f(*c))
+                return self.value(getattr(operator, {"div": "truediv"}.get(op, op))(*c))
         if op == "neg" and c[0] is not None:
             return self.value(-c[0])
         if op in UNARY and c[0] is not None:

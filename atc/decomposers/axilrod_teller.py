@@ -175,10 +175,7 @@ def _triple_dipoles(p0, p1, near, nu, cut2, product2, out, energies):
 @pair_style("atm")
 def _atm(inp):
     if len(inp.args) != 2:
-        raise inp.error(
-            "pair_style atm takes two cutoffs, of distances and of the cube root of their product, got "
-            f"{' '.join(inp.args) or 'nothing'}"
-        )
+        raise inp.wrong("pair_style atm takes two cutoffs, of distances and of the cube root of their product")
     cutoff, triple = (inp.number(w, 1.0, "a cutoff") for w in inp.args)
     if not inp.coeffs:
         raise inp.error("pair_style atm has no pair_coeff line: add 'pair_coeff * * * <nu>'")

@@ -196,29 +196,10 @@ class Wrapper(Term):
     def inner(self) -> Term:
         return self.term.inner
 
-    @property
-    def central(self) -> bool:
-        return self.term.central
-
-    @property
-    def edges(self) -> bool:
-        return self.term.edges
-
-    @property
-    def pairwise(self) -> bool:
-        return self.term.pairwise
-
-    @property
-    def depth(self) -> float:
-        return self.term.depth
-
-    @property
-    def attributes(self) -> Mapping[str, str]:
-        return self.term.attributes
-
-    @property
-    def part_name(self) -> str:
-        return self.term.part_name
+    central, edges, pairwise, depth, attributes, part_name = (
+        property(lambda self, name=name: getattr(self.term, name))
+        for name in ("central", "edges", "pairwise", "depth", "attributes", "part_name")
+    )
 
     def describe(self) -> str:
         return self.term.describe()

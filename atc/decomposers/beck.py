@@ -22,14 +22,9 @@ class Beck(RadialStyle):
 
     name = "beck"
     numbers = (
-        ("A", "energy"),
-        ("B", {"energy": 1, "length": 6}),
-        ("a", "length"),
-        ("alpha", {"length": -1}),
-        ("beta", {"length": -6}),
-        ("square", {"length": 2}),
-        ("cutoff", "length"),
-    )
+        ("A", "energy"), ("B", {"energy": 1, "length": 6}), ("a", "length"), ("alpha", {"length": -1}),
+        ("beta", {"length": -6}), ("square", {"length": 2}), ("cutoff", "length"),
+    )  # fmt: skip
     shifts = False
 
     def columns(self, A, B, a, alpha, beta, square, cutoff):

@@ -131,6 +131,19 @@ def _morse(types, d, table, U, G):
     return -1, 0
 
 
+FENE_NOTE = "FENE bonds stretched beyond 0.949 R0, where LAMMPS caps the force"
+
+
+def overstretched(d: float, longest: float, start: float = 0.0) -> str:
+    """Why a bond that exists from `start` to that and `longest` has no energy."""
+    if d <= start:
+        return "where its repulsion is infinite: two bonded atoms are at the same place"
+    return (
+        f"{d / (longest + start):.4g} of the length at which it has infinite energy: the chain is broken or the "
+        "topology is not this trajectory's"
+    )
+
+
 class FeneBond(BondStyle):
     """U = −½ K R0² ln[1 − (d/R0)²] + (4ε[(σ/d)¹² − (σ/d)⁶] + ε for d < 2^(1/6) σ). Coefficients K [energy/length²], R0
     [length], ε, σ.
@@ -152,15 +165,10 @@ class FeneBond(BondStyle):
         return np.ascontiguousarray(np.column_stack([self.table[:, :4], np.zeros(len(self.table))]))
 
     def refuse(self, t, d):
-        if d <= self._columns()[t, 4]:
-            return "where its repulsion is infinite: two bonded atoms are at the same place"
-        return (
-            f"{d / (self._columns()[t, 1] + self._columns()[t, 4]):.4g} of the length at which it has infinite "
-            "energy: the chain is broken or the topology is not this trajectory's"
-        )
+        return overstretched(d, self._columns()[t, 1], self._columns()[t, 4])
 
     def note(self):
-        return "FENE bonds stretched beyond 0.949 R0, where LAMMPS caps the force"
+        return FENE_NOTE
 
 
 class FeneExpandBond(FeneBond):
@@ -239,13 +247,12 @@ class TableBond(BondStyle):
         return f"outside its table, which runs from {lo:.6g} to {hi:.6g}: the table must cover every length that occurs"
 
 
-register_bonded(bond_style, HarmonicBond, MorseBond, FeneBond, FeneExpandBond)
+register_bonded(HarmonicBond, MorseBond, FeneBond, FeneExpandBond)
 
 
 @bond_style("zero")
 def _zero(inp):
-    values = {t: () for line in inp.coeffs for (t,) in line.covers(inp.n_types)}
-    return ZeroBond._from_input(values, inp)
+    return ZeroBond._from_input(inp.by_type(lambda line: ()), inp)
 
 
 @bond_style("table")

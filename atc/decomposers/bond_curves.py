@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .bond import BondStyle
+from .bond import FENE_NOTE, BondStyle, overstretched
 from .bonded import (
     RowTerm,
     energy,
@@ -17,7 +17,6 @@ from .bonded import (
     register_bonded,
     whole,
 )
-from .registry import bond_style
 
 #: MM3's cubic constant; the quartic one is 7/12 of its square
 _MM3 = 2.55  # 1/Å
@@ -167,15 +166,10 @@ class FeneNMBond(CurveBond):
         return int(np.count_nonzero(1.0 - (d / self.table[types, 1]) ** 2 < 0.1))
 
     def note(self):
-        return "FENE bonds stretched beyond 0.949 R0, where LAMMPS caps the force"
+        return FENE_NOTE
 
     def refuse(self, t, d):
-        if d == 0:
-            return "where its repulsion is infinite: two bonded atoms are at the same place"
-        return (
-            f"{d / self.table[t, 1]:.4g} of the length at which it has infinite energy: the chain is broken or the "
-            "topology is not this trajectory's"
-        )
+        return overstretched(d, self.table[t, 1])
 
 
 def log_of_gaussians(x, kT, terms):
@@ -225,14 +219,5 @@ class GaussianBond(RowTerm, CurveBond):
         return log_of_gaussians(d, kT, np.stack(terms, axis=1).reshape(len(d), -1, 3))
 
 
-register_bonded(
-    bond_style,
-    Class2Bond,
-    GromosBond,
-    NonlinearBond,
-    HarmonicShiftBond,
-    HarmonicShiftCutBond,
-    MM3Bond,
-    FeneNMBond,
-    GaussianBond,
-)
+register_bonded(Class2Bond, GromosBond, NonlinearBond, HarmonicShiftBond, HarmonicShiftCutBond, MM3Bond, FeneNMBond)
+register_bonded(GaussianBond)

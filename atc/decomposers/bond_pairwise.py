@@ -10,9 +10,8 @@ import numpy as np
 from ..errors import AtcWarning
 from ..frame import Frame
 from .bond import BondStyle, _BondWork
-from .bonded import energy, length, per_length4, plain
+from .bonded import energy, first_true, length, per_length4, plain, register_bonded
 from .pair import ONES, Pairs, PairStyle
-from .registry import bond_style
 
 
 class OwnPairs:
@@ -59,9 +58,7 @@ class PairedBond(BondStyle):
 
     @classmethod
     def _build(cls, inp):
-        if inp.args:
-            raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
-        self = cls._from_input(inp.type_values([(what, f(inp.units)) for what, f in cls.wants]), inp)
+        self = super()._build(inp)
         self.pairs = inp.pairs
         self.check_pairs(inp)
         return self
@@ -165,9 +162,8 @@ class SpecialBond(PairedBond):
         if (self.table[:, 0] != self.table[:, 1]).any() and any(s.needs_charges for s in inp.pairs.styles):
             warnings.warn(
                 f"{inp.where}: bond_style special: LAMMPS applies the first weight to the Coulomb and the second to "
-                "the Lennard-Jones part, "
-                "other than its manual says, and so does atc: compare energies with the run if its LAMMPS is not of "
-                "2025",
+                "the Lennard-Jones part, other than its manual says, and so does atc: compare energies with the run if "
+                "its LAMMPS is not of 2025",
                 AtcWarning,
                 stacklevel=2,
             )
@@ -179,12 +175,10 @@ class SpecialBond(PairedBond):
     def add_with_pairs(self, own, i, j, types, d, U, G):
         w = self.table[types]
         U[:], G[:] = own.of(i, j, d, np.ascontiguousarray(w[:, 1]), np.ascontiguousarray(w[:, 0]))
-        bad = ~np.isfinite(U + G)
-        return (int(np.argmax(bad)) if bad.any() else -1), 0
+        return first_true(~np.isfinite(U + G)), 0
 
     def refuse(self, t, d):
         return "where the pair interaction is not finite"
 
 
-for _style in (QuarticBond, SpecialBond):
-    bond_style(_style.name)(_style._build)
+register_bonded(QuarticBond, SpecialBond)

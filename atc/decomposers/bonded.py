@@ -23,6 +23,11 @@ from .unsupported_bonded import reason
 CHUNK = 16384
 
 
+def first_true(bad_t) -> int:
+    """The number of the first that is true, −1 if none is."""
+    return int(np.argmax(bad_t)) if bad_t.any() else -1
+
+
 def per_length2(u: Units) -> float:
     """Internal size of energy/length²."""
     return u.energy / u.length**2
@@ -125,6 +130,16 @@ class BondedTerm(Term):
             if wrong:
                 raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {wrong}")
 
+    @classmethod
+    def wanted(cls, units: Units) -> list:
+        """`wants`, with what the numbers of a model in these units are multiplied by."""
+        return [(what, f(units)) for what, f in cls.wants]
+
+    @classmethod
+    def _build(cls, inp):
+        inp.no_arguments()
+        return cls._from_input(inp.type_values(cls.wanted(inp.units)), inp)
+
     def check(self, t: int) -> str | None:
         """What is wrong with the numbers of type t, if anything."""
         return None
@@ -166,8 +181,7 @@ class BondedTerm(Term):
         if missing:
             raise AtcError(
                 f"{frame.source}: {kind} type {missing[0]} is in the topology but has no coefficients in {kind}_style "
-                f"{self.name}: "
-                f"add a {kind}_coeff {missing[0]} line"
+                f"{self.name}: add a {kind}_coeff {missing[0]} line"
             )
         if not self.refused.keys().isdisjoint(used):
             raise AtcError(f"{frame.source}: {self._why(min(used & self.refused.keys()))}")
@@ -220,17 +234,15 @@ class RowTerm:
 
     @classmethod
     def _build(cls, inp):
-        if inp.args:
-            raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
-        rows = {}
-        for line in inp.coeffs:
+        inp.no_arguments()
+
+        def read(line):
             try:
-                row = cls.row([inp.number(w, 1.0, "a coefficient", line) for w in line.words], inp.units)
+                return cls.row([inp.number(w, 1.0, "a coefficient", line) for w in line.words], inp.units)
             except ValueError as e:
                 raise inp.error(f"{inp.kind}_coeff of {inp.name}: {e}", line) from None
-            for (t,) in line.covers(inp.n_types):
-                rows[t] = row
-        return cls._from_input(rows, inp)
+
+        return cls._from_input(inp.by_type(read), inp)
 
 
 class CrossTerms:
@@ -249,8 +261,7 @@ class CrossTerms:
 
     @classmethod
     def _build(cls, inp):
-        if inp.args:
-            raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
+        inp.no_arguments()
         parts = {"": cls.main, **cls.crosses}
         got: dict[int, dict[str, list]] = {}
         for line in inp.coeffs:
@@ -403,21 +414,11 @@ def _build_hybrid(inp):
     return HybridTerm(terms, silent)
 
 
-def register_bonded(register, *classes):
-    """Make the LAMMPS style of each class known to the input reader."""
-
-    def make(cls):
-        def build(inp):
-            if inp.args:
-                raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
-            values = inp.type_values([(what, f(inp.units)) for what, f in cls.wants])
-            return cls._from_input(values, inp)
-
-        return build
-
+def register_bonded(*classes):
+    """Make styles known by their names, each built from its coefficient lines by its `_build`."""
     for cls in classes:
-        register(cls.name)(cls._build if issubclass(cls, RowTerm | CrossTerms) else make(cls))
-    register("hybrid")(_build_hybrid)
+        STYLES[cls.kind][cls.name] = cls._build
+        STYLES[cls.kind]["hybrid"] = _build_hybrid
 
 
 class Images:

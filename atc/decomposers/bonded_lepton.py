@@ -11,6 +11,7 @@ from ..errors import AtcError
 from ..units import units as system
 from .angle import AngleStyle, over_sine
 from .bond import BondStyle
+from .bonded import first_true
 from .dihedral import _MIRROR
 from .dihedral_curves import CurveTorsion
 from .lepton import LeptonFormula
@@ -76,28 +77,22 @@ class _Formulas:
 
     @classmethod
     def _build(cls, inp):
-        if inp.args:
-            raise inp.error(f"{inp.command} takes no arguments, got {' '.join(inp.args)}")
+        inp.no_arguments()
         self = cls.__new__(cls)
         self.units = inp.units
-        rows = {}
-        for line in inp.coeffs:
-            lead = 1 if cls.has_reference else 0
+        lead = 1 if cls.has_reference else 0
+
+        def read(line):
             if len(line.words) != 1 + lead:
                 what = f"the reference {'length' if inp.kind == 'bond' else 'angle'} and " if lead else ""
-                raise inp.error(
-                    f"{inp.kind}_coeff of lepton takes {what}a formula in quotes, got "
-                    f"{' '.join(line.words) or 'nothing'}",
-                    line,
-                )
+                raise inp.wrong(f"{inp.kind}_coeff of lepton takes {what}a formula in quotes", line)
             reference = inp.number(line.words[0], 1.0, "the reference", line) * self.size() if lead else 0.0
             try:
-                row = (reference, formula_of(line.words[lead], cls.variable, inp.units))
+                return reference, formula_of(line.words[lead], cls.variable, inp.units)
             except ValueError as e:
                 raise inp.error(f"{inp.command}: the formula {line.words[lead]!r}: {e}", line) from None
-            for (t,) in line.covers(inp.n_types):
-                rows[t] = row
-        self._set(rows, inp.where)
+
+        self._set(inp.by_type(read), inp.where)
         return self
 
 
@@ -109,11 +104,8 @@ class LeptonBond(_Formulas, BondStyle):
 
     def add(self, types, d, U, G):
         U[:], slope = self.values(d, types, self.units.length)
-        bad = ~np.isfinite(U + slope)
-        if bad.any():
-            return int(np.argmax(bad)), 0
         np.divide(slope, d, out=G, where=d > 0)
-        return -1, 0
+        return first_true(~np.isfinite(U + slope)), 0
 
     def refuse(self, t, d):
         return "where its formula has no finite value"

@@ -207,34 +207,25 @@ def _lookup(types, x, ends, values, spline, U, F):
     return -1
 
 
+def table_options(inp, least: int) -> tuple[int, bool]:
+    """How many points a style's tables get, and whether between them are splines."""
+    way, points = inp.args if len(inp.args) == 2 else ("", "")
+    if way not in ("linear", "spline") or not points.isdigit() or int(points) < least:
+        raise inp.wrong(f"{inp.command} takes linear or spline and a number of points of at least {least}")
+    return int(points), way == "spline"
+
+
 def build_tables(inp, kind: str) -> Tables:
     """From ``bond_style table linear 1000`` and ``bond_coeff 1 file KEYWORD`` lines."""
-    if (
-        len(inp.args) != 2
-        or inp.args[0] not in ("linear", "spline")
-        or not inp.args[1].isdigit()
-        or int(inp.args[1]) < 2
-    ):
-        raise inp.error(
-            f"{inp.command} takes linear or spline and a number of points of at least 2, got "
-            f"{' '.join(inp.args) or 'nothing'}"
-        )
-    sections: dict[int, Section] = {}
-    for line in inp.coeffs:
+    options = table_options(inp, 2)
+
+    def read(line):
         if len(line.words) != 2:
-            raise inp.error(
-                f"{kind}_coeff of table takes a file and a section's keyword, got {' '.join(line.words) or 'nothing'}",
-                line,
-            )
-        section = internal_section(
-            read_section(inp.path(line.words[0], line), line.words[1], kind, line.where, inp.units.name),
-            kind,
-            inp.units,
-            line.where,
-        )
-        for (t,) in line.covers(inp.n_types):
-            sections[t] = section
-    return Tables(sections, int(inp.args[1]), inp.args[0] == "spline", inp.units)
+            raise inp.wrong(f"{kind}_coeff of table takes a file and a section's keyword", line)
+        section = read_section(inp.path(line.words[0], line), line.words[1], kind, line.where, inp.units.name)
+        return internal_section(section, kind, inp.units, line.where)
+
+    return Tables(inp.by_type(read), *options, inp.units)
 
 
 def internal_section(s: Section, kind: str, u, where: str = "") -> Section:

@@ -24,13 +24,9 @@ class Born(RadialStyle):
 
     name = "born"
     numbers = (
-        ("A", "energy"),
-        ("rho", "length"),
-        ("sigma", "length"),
-        _C,
-        ("D", {"energy": 1, "length": 8}),
+        ("A", "energy"), ("rho", "length"), ("sigma", "length"), _C, ("D", {"energy": 1, "length": 8}),
         ("cutoff", "length"),
-    )
+    )  # fmt: skip
 
     def columns(self, A, rho, sigma, C, D, cutoff):
         return A, 1.0 / np.where(rho > 0, rho, np.inf), sigma, C, D

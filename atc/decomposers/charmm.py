@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..compiled import njit
+from .coulomb import positive
 from .pair_loop import pair_law
 from .radial import ChargedStyle, RadialStyle, inner_below_outer, mix_lj_distances, several_cutoffs
 from .registry import StyleInput, pair_style
@@ -64,17 +65,8 @@ class LennardJonesCharmmFSW(RadialStyle):
         a, c = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
         i3, c3 = inner**3, cutoff**3
         k12, k6 = a * c3**2 / (c3**2 - i3**2), c * c3 / (c3 - i3)
-        return (
-            a,
-            c,
-            inner**2,
-            (cutoff**2 - inner**2) ** -3.0,
-            -a / (i3 * c3) ** 2 + c / (i3 * c3),
-            k12,
-            k6,
-            1 / c3,
-            cutoff**2,
-        )
+        offset = -a / (i3 * c3) ** 2 + c / (i3 * c3)
+        return a, c, inner**2, (cutoff**2 - inner**2) ** -3.0, offset, k12, k6, 1 / c3, cutoff**2
 
     @pair_law
     def law(d2, a12, c6, inner2, inverse, offset, k12, k6, per_volume, outer2):
@@ -156,12 +148,8 @@ class OneFour:
     """
 
     def __init__(self, epsilon, sigma, constant: float, implicit: bool = False, cutoffs=None):
-        self.a, self.c, self.constant, self.implicit = (
-            4 * epsilon * sigma**12,
-            4 * epsilon * sigma**6,
-            constant,
-            implicit,
-        )
+        self.a, self.c = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
+        self.constant, self.implicit = constant, implicit
         self.shifted = cutoffs is not None
         inner, outer, coulomb = cutoffs or (np.inf, np.inf, np.inf)
         self.offset = -self.a / (inner * outer) ** 6 + self.c / (inner * outer) ** 3
@@ -181,11 +169,7 @@ def _coefficients(inp: StyleInput, inner, outer):
     inp = inp.replace(modify=replace(inp.modify, mix=inp.modify.mix or "arithmetic"))
     for line in inp.coeffs:
         if len(line.words) not in (2, 4):
-            raise inp.error(
-                f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14], got "
-                f"{' '.join(line.words) or 'nothing'}",
-                line,
-            )
+            raise inp.wrong(f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14]", line)
     doubled = tuple(
         line.__class__(line.types, line.words * 2 if len(line.words) == 2 else line.words, line.where)
         for line in inp.coeffs
@@ -205,13 +189,11 @@ def _switched(coulomb, implicit):
     def build(inp: StyleInput):
         names = ("inner LJ cutoff", "outer LJ cutoff", "inner Coulomb cutoff", "outer Coulomb cutoff")
         if len(inp.args) == 3:
-            raise inp.error(f"{inp.command} takes two or four cutoffs, got {' '.join(inp.args)}")
+            raise inp.wrong(f"{inp.command} takes two or four cutoffs")
         inner, outer, inner_c, outer_c = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
         if inner_c is None:
             inner_c, outer_c = inner, outer
-        wrong = inner_below_outer(inner, outer, "LJ ") or inner_below_outer(inner_c, outer_c, "Coulomb ")
-        if wrong:
-            raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+        inp.require(inner_below_outer(inner, outer, "LJ ") or inner_below_outer(inner_c, outer_c, "Coulomb "))
         *lj, e14, s14, on = _coefficients(inp, inner, outer)
         style = LennardJonesCharmm.internal(*lj)
         charges = coulomb.of(inp, on * inner_c, on * outer_c)
@@ -231,16 +213,13 @@ pair_style("lj/charmm/coul/charmm/implicit")(_switched(CoulombCharmmImplicit, Tr
 def _force_switched(inp: StyleInput):
     names = ("inner LJ cutoff", "outer LJ cutoff", "Coulomb cutoff")
     inner, outer, rc = inp.numbers(inp.args, [(n, "length") for n in names], optional=1)
-    wrong = inner_below_outer(inner, outer, "LJ ") or (
-        None if rc is None or rc > 0 else "the Coulomb cutoff must be positive"
-    )
-    if wrong:
-        raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+    inp.require(inner_below_outer(inner, outer, "LJ "))
+    rc = outer if rc is None else positive(inp, rc)
     *lj, e14, s14, on = _coefficients(inp, inner, outer)
     style = LennardJonesCharmmFSW.internal(*lj)
-    charges = CoulombCharmmFSH.of(inp, on * (outer if rc is None else rc))
+    charges = CoulombCharmmFSH.of(inp, on * rc)
     charges.constant = _constant(inp, True)
-    style.one_four = OneFour(e14, s14, charges.constant, cutoffs=(inner, outer, outer if rc is None else rc))
+    style.one_four = OneFour(e14, s14, charges.constant, cutoffs=(inner, outer, rc))
     return [style, charges]
 
 

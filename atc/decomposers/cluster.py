@@ -10,7 +10,7 @@ from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from .base import Accumulator, Term, Work
-from .bonded import Images
+from .bonded import Images, first_true
 
 _TERMS_PER_TASK = 2048
 _NOTHING = np.zeros(0)
@@ -40,8 +40,7 @@ def weights_of(partition, k: int, names: dict, what: str) -> tuple[np.ndarray, s
 
 def first_not_finite(U, G) -> int:
     """The first tuple whose energy (m,) or G (m, pairs) is not finite, or −1."""
-    bad = ~(np.isfinite(U) & np.isfinite(G).all(axis=1))
-    return int(np.argmax(bad)) if bad.any() else -1
+    return first_true(~(np.isfinite(U) & np.isfinite(G).all(axis=1)))
 
 
 class ClusterTerm(Term):

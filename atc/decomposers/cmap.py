@@ -108,8 +108,7 @@ def check_fix_cmap(words, folder, where: str, types) -> None:
         if differs > 1e-10 * np.ptp(m):
             why = (
                 f"its energy over (phi, psi) differs from that of the mirror image by up to {differs:.4g}, so it is "
-                "not a function of distances "
-                "and has no forces along bonds"
+                "not a function of distances and has no forces along bonds"
             )
         else:
             why = "maps that are the same for the mirror image are not done yet"

@@ -11,11 +11,10 @@ from ..units import Units
 from ..units import units as system
 from .base import Term, Work
 from .eam_file import EAMTables, read_setfl
-from .elements import ElementMap, mapped_line, require_known
-from .embedded_atom import _place, spline
+from .elements import ElementMap, mapped_style, require_known
+from .embedded_atom import _place, cubic, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
-from .neighborhood import around, between_sharing_neighbors
-from .registry import MAPPED_STYLES, pair_style
+from .neighborhood import around, between_sharing_neighbors, share_half
 
 
 class ConcentrationEAM(Term):
@@ -95,19 +94,8 @@ class _ConcentrationWork(NeighborWork):
 
     def _densities(self, task, acc):
         t = self.term
-        acc.energy += _densities(
-            *self.atoms(task),
-            self.lists,
-            t.F,
-            t.rho,
-            t.per_drho,
-            t.per_dr,
-            self.rho,
-            self.x,
-            self.slope,
-            self.grad,
-            shares(acc),
-        )
+        functions, state = (t.F, t.rho, t.per_drho, t.per_dr), (self.rho, self.x, self.slope, self.grad)
+        acc.energy += _densities(*self.atoms(task), self.lists, *functions, *state, shares(acc))
 
     def _weights(self, task, acc):
         t = self.term
@@ -134,8 +122,7 @@ class _ConcentrationWork(NeighborWork):
 def _at(table, d, per_dr):
     """Value and slope of a table at a distance."""
     m, x = _place(d, per_dr, table.shape[0] - 1)
-    c = table[m]
-    return ((c[0] * x + c[1]) * x + c[2]) * x + c[3], ((3.0 * c[0] * x + 2.0 * c[1]) * x + c[2]) * per_dr
+    return cubic(table[m], x, per_dr)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -182,9 +169,7 @@ def _densities(s0, s1, near, F, rho_table, per_drho, per_dr, rho, x, slope, grad
         y = rho[s] * per_drho + 1.0
         m = max(1, min(int(y), points - 1))
         y = min(y - m, 1.0)
-        c = F[element[s], m]
-        u = ((c[0] * y + c[1]) * y + c[2]) * y + c[3]
-        slope[s] = ((3.0 * c[0] * y + 2.0 * c[1]) * y + c[2]) * per_drho
+        u, slope[s] = cubic(F[element[s], m], y, per_drho)
         total += u
         if len(energies) > 0:
             energies[atom[s]] += u
@@ -241,9 +226,7 @@ def _pairs(p0, p1, near, rho_table, zr, per_dr, h, two_sites, rho, x, slope, X, 
         if not np.isfinite(g + u):
             return 0, 0.0, p
         total += u
-        if len(energies) > 0:
-            energies[atom[i]] += 0.5 * u
-            energies[atom[j]] += 0.5 * u
+        share_half(energies, atom[i], atom[j], u)
         keep = g != 0.0
         out_i[m], out_j[m], out_G[m] = atom[i], atom[j], g
         for c in range(3):
@@ -287,19 +270,5 @@ def _outer(s0, s1, most, near, rho_table, zr, per_dr, h, two_sites, rho, x, out)
     return m
 
 
-MAPPED_STYLES.update(("eam/cd", "eam/cd/old"))
-
-
-def _build(inp, two_sites):
-    path, elements, line = mapped_line(inp, ".cdeam")
-    return ConcentrationEAM.from_file(path, elements, units=inp.units, two_sites=two_sites, where=line.where)
-
-
-@pair_style("eam/cd")
-def _one_site(inp):
-    return _build(inp, False)
-
-
-@pair_style("eam/cd/old")
-def _two_sites(inp):
-    return _build(inp, True)
+mapped_style("eam/cd", ending=".cdeam", read=ConcentrationEAM.from_file)
+mapped_style("eam/cd/old", ending=".cdeam", read=ConcentrationEAM.from_file, two_sites=True)

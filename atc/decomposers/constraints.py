@@ -70,13 +70,8 @@ class Constraints:
         self.rules: tuple[Rule, ...] = tuple(rules)
         if source != "auto" and source not in SOURCES:
             raise AtcError(f"constraints: source {source!r}: expected auto, {', '.join(SOURCES)}")
-        self.source, self.temperature, self.timestep, self.behind, self.contained = (
-            source,
-            temperature,
-            timestep,
-            float(behind),
-            contained,
-        )
+        self.source, self.temperature, self.timestep = source, temperature, timestep
+        self.behind, self.contained = float(behind), contained
 
         #: Whether bodies carry loads across the plane or line they lie in.
         self.across = False
@@ -174,11 +169,9 @@ class Constraints:
             return rigid | np.isin(_code(atoms[:, list(ends)], n), code)
 
         bonds = off(top.bonds, (0, 1)) if len(top.bonds) else np.zeros(0, bool)
-        angles = (
-            off(top.angles, (0, 1)) & off(top.angles, (1, 2)) & off(top.angles, (0, 2))
-            if len(top.angles)
-            else np.zeros(0, bool)
-        )
+        angles = np.zeros(0, bool)
+        if len(top.angles):
+            angles = off(top.angles, (0, 1)) & off(top.angles, (1, 2)) & off(top.angles, (0, 2))
         if not (bonds.any() or angles.any()):
             return top
         new = replace(
@@ -395,16 +388,8 @@ class _Left:
         acc = a + s.accelerations(lam)
         if dt is not None:
             v = v + behind * dt * acc
-        self.rows.append(
-            (
-                s,
-                np.einsum("mbx,mbx->mb", s.e_mcx, v),
-                np.einsum("mbx,mbx->mb", v, acc) / s.length_mc,
-                v,
-                np.einsum("mbx,mbx->mb", acc, acc),
-                dt,
-            )
-        )
+        along, va, a2 = (np.einsum("mbx,mbx->mb", *two) for two in ((s.e_mcx, v), (v, acc), (acc, acc)))
+        self.rows.append((s, along, va / s.length_mc, v, a2, dt))
 
     def error(self, lam_c) -> float:
         size = float(np.sqrt((lam_c**2).mean())) if len(lam_c) else 0.0
@@ -416,11 +401,10 @@ class _Left:
         if self.kind == "velocities":
             along, va = (np.concatenate([row[k].ravel() for row in self.rows]) for k in (1, 2))
             dt = self.rows[0][5]
-            dt2 = (
-                dt * dt
-                if dt is not None
-                else max(-2.0 * float((along * va).sum()) / max(float((va**2).sum()), 1e-300), 0.0)
-            )
+            if dt is None:
+                dt2 = max(-2.0 * float((along * va).sum()) / max(float((va**2).sum()), 1e-300), 0.0)
+            else:
+                dt2 = dt * dt
             off = float(
                 np.sqrt(((along + 0.5 * dt2 * va) ** 2).mean())
             )  # velocities that nothing explains, along one direction of three
@@ -428,11 +412,7 @@ class _Left:
             for s, _, _, v, a2, _ in self.rows:
                 by_digits = 2.0 * off * np.sqrt((v**2).sum(2)) / s.length_mc
                 by_step = 0.25 * dt2 * a2 / s.length_mc if dt is None else 0.0 * a2
-                change.append(
-                    (
-                        (np.abs(s.inverse_mcc) @ np.sqrt(by_digits**2)[:, :, None])[:, :, 0] ** 2
-                        + s.solve(by_step) ** 2
-                    ).ravel()
-                )
+                digits = (np.abs(s.inverse_mcc) @ np.sqrt(by_digits**2)[:, :, None])[:, :, 0]
+                change.append((digits**2 + s.solve(by_step) ** 2).ravel())
             return float(np.sqrt(np.concatenate(change).mean()) / size)
         return float("nan")

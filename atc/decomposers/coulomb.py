@@ -9,9 +9,8 @@ import numpy as np
 from ..compiled import njit
 from ..errors import AtcError
 from ..units import units as get_units
-from .lennard_jones import LennardJones, mix_lj
 from .pair import PairStyle
-from .pair_input import fill, mix_distance, named, pair_values
+from .pair_input import named, one_cutoff_each
 from .registry import StyleInput, pair_style
 
 _SQRT_PI = np.sqrt(np.pi)
@@ -104,22 +103,8 @@ class CoulombDSF(_Damped):
         self.e_shift = a / cutoff - self.f_shift * cutoff
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        _dsf(
-            types,
-            i,
-            j,
-            d2,
-            weights,
-            self.table,
-            self.constant,
-            self.alpha,
-            self.e_shift,
-            self.f_shift,
-            self.approximate,
-            prepared,
-            U,
-            G,
-        )
+        damping = self.alpha, self.e_shift, self.f_shift
+        _dsf(types, i, j, d2, weights, self.table, self.constant, *damping, self.approximate, prepared, U, G)
 
 
 class CoulombDSFExact(CoulombDSF):
@@ -149,82 +134,30 @@ class CoulombWolf(_Damped):
         self.f_shift = -(self.e_shift + 2.0 * alpha / _SQRT_PI * np.exp(-((alpha * cutoff) ** 2))) / cutoff
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        _wolf(
-            types, i, j, d2, weights, self.table, self.constant, self.alpha, self.e_shift, self.f_shift, prepared, U, G
-        )
+        damping = self.alpha, self.e_shift, self.f_shift
+        _wolf(types, i, j, d2, weights, self.table, self.constant, *damping, prepared, U, G)
 
 
-def _constant(inp: StyleInput) -> float:
+def coulomb_constant(inp: StyleInput) -> float:
     return inp.units.coulomb / inp.dielectric
 
 
 def cut_style(inp: StyleInput, cutoff) -> CoulombCut:
     """A composite style's ``coul/cut`` part."""
     style = CoulombCut.internal(cutoff)
-    style.constant = _constant(inp)
+    style.constant = coulomb_constant(inp)
     return style
 
 
-@pair_style("coul/cut")
+@pair_style("coul/cut", "coul/cut/global")
 def _coul_cut_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
-    (cutoff,) = pair_values(
-        inp, [("cutoff", "length")], optional=1, defaults=[rc], mix=lambda a, b, rule: (mix_distance(a[0], b[0], rule),)
-    )
-    return cut_style(inp, cutoff)
+    return cut_style(inp, one_cutoff_each(inp, rc, own=inp.name == "coul/cut"))
 
 
-@pair_style("coul/cut/global")
-def _coul_cut_global_style(inp: StyleInput):
-    (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
-    for line in inp.coeffs:
-        inp.numbers(line.words, [], line)
-    (cutoff,) = pair_values(inp, [("cutoff", "length")], optional=1, defaults=[rc], mix=lambda a, b, rule: (rc,))
-    return cut_style(inp, cutoff)
-
-
-def _positive(inp: StyleInput, cutoff: float) -> float:
-    if not cutoff > 0:
-        raise inp.error(f"{inp.command}: the Coulomb cutoff must be positive, got {' '.join(inp.args)}")
+def positive(inp: StyleInput, cutoff: float) -> float:
+    inp.require(None if cutoff > 0 else "the Coulomb cutoff must be positive")
     return cutoff
-
-
-def _damped(inp: StyleInput, cls, alpha, cutoff):
-    """Where `pair_coeff` names types (no numbers), LAMMPS acts on all pairs as soon as each type is named with
-    itself."""
-    return cls.everywhere(named(inp) > 0, alpha, _positive(inp, cutoff), _constant(inp))
-
-
-@pair_style("coul/dsf")
-def _dsf_style(inp: StyleInput):
-    alpha, rc = inp.numbers(inp.args, [("alpha", {"length": -1}), ("cutoff", "length")])
-    return _damped(inp, CoulombDSF, alpha, rc)
-
-
-@pair_style("coul/wolf", "coul/wolf/cs")
-def _wolf_style(inp: StyleInput):
-    alpha, rc = inp.numbers(inp.args, [("alpha", {"length": -1}), ("cutoff", "length")])
-    return _damped(inp, CoulombWolf, alpha, rc)
-
-
-@pair_style("lj/cut/coul/cut")
-def _lj_coul_cut_style(inp: StyleInput):
-    rlj, rcoul = inp.numbers(inp.args, [("LJ cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
-    rcoul = rlj if rcoul is None else rcoul
-    wants = [("epsilon", "energy"), ("sigma", "length"), ("LJ cutoff", "length"), ("Coulomb cutoff", "length")]
-    # One cutoff on a pair_coeff line is for both.
-    given = {}
-    for line in inp.coeffs:
-        e, s, a, b = inp.numbers(line.words, wants, line, optional=2)
-        a, b = (rlj, rcoul) if a is None else (a, a) if b is None else (a, b)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (e, s, a, b)
-
-    def mix(x, y, rule):
-        return (*mix_lj(x[:3], y[:3], rule), mix_distance(x[3], y[3], rule))
-
-    epsilon, sigma, cut_lj, cut_coul = fill(inp, given, 4, mix)
-    return [LennardJones.internal(epsilon, sigma, cut_lj, shift=inp.modify.shift), cut_style(inp, cut_coul)]
 
 
 def wanted_pairs(inp: StyleInput):
@@ -234,20 +167,16 @@ def wanted_pairs(inp: StyleInput):
     return on if inp.wanted is None else on & inp.wanted
 
 
-def _lj_damped(cls):
+def _damped(cls, *names):
     def build(inp: StyleInput):
-        alpha, rlj, rcoul = inp.numbers(
-            inp.args, [("alpha", {"length": -1}), ("LJ cutoff", "length"), ("Coulomb cutoff", "length")], optional=1
-        )
-        rcoul = rlj if rcoul is None else rcoul
-        arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rlj], mix=mix_lj)
-        lj = LennardJones.internal(*arrays, shift=inp.modify.shift)
-        return [lj, cls.everywhere(wanted_pairs(inp), alpha, _positive(inp, rcoul), _constant(inp))]
+        alpha, rc = inp.numbers(inp.args, [("alpha", {"length": -1}), ("cutoff", "length")])
+        return cls.everywhere(named(inp) > 0, alpha, positive(inp, rc), coulomb_constant(inp))
 
-    return build
+    pair_style(*names)(build)
 
 
-pair_style("lj/cut/coul/dsf")(_lj_damped(CoulombDSF))
+_damped(CoulombDSF, "coul/dsf")
+_damped(CoulombWolf, "coul/wolf", "coul/wolf/cs")
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

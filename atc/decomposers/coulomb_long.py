@@ -13,6 +13,7 @@ import numpy as np
 from ..compiled import njit
 from .buckingham import Born, Buckingham
 from .charmm import LennardJonesCharmm, LennardJonesCharmmFSW, OneFour, _coefficients, _constant
+from .coulomb import coulomb_constant, positive, wanted_pairs
 from .inverse_powers import NM, Class2, _exponents
 from .lennard_jones import LennardJones, mix_lj
 from .long_range.split import ACCURACY, Split
@@ -89,20 +90,10 @@ def _long(types, i, j, d2, weights, table, near2, lost2, constant, alpha, q, U, 
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def _on(inp: StyleInput):
-    """The Coulomb part acts wherever the style does, whatever the short-range cutoff is."""
-    on = np.zeros((inp.n_types + 1, inp.n_types + 1), bool)
-    on[1:, 1:] = True
-    return on if inp.wanted is None else on & inp.wanted
-
-
 def long_style(inp: StyleInput, cutoff: float, constant: float | None = None) -> CoulombLong:
     """A composite style's ``coul/long`` part; `constant` where it is not LAMMPS's."""
-    if not cutoff > 0:
-        raise inp.error(f"{inp.command}: the Coulomb cutoff must be positive, got {' '.join(inp.args)}")
-    style = CoulombLong(
-        _on(inp), Split.of(cutoff, inp.units.coulomb / inp.dielectric if constant is None else constant, ACCURACY)
-    )
+    constant = coulomb_constant(inp) if constant is None else constant
+    style = CoulombLong(wanted_pairs(inp), Split.of(positive(inp, cutoff), constant, ACCURACY))
     style.run_table = inp.modify.table
     return style
 
@@ -137,9 +128,7 @@ def _charmm_long(name, cls, shifted):
     def build(inp: StyleInput):
         names = ("inner LJ cutoff", "outer LJ cutoff", "Coulomb cutoff")
         inner, outer, rc = inp.numbers(inp.args, [(n, "length") for n in names], optional=1)
-        wrong = inner_below_outer(inner, outer, "LJ ")
-        if wrong:
-            raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+        inp.require(inner_below_outer(inner, outer, "LJ "))
         *lj, e14, s14, _ = _coefficients(inp, inner, outer)
         style = cls.internal(*lj)
         constant = _constant(inp, shifted)
@@ -157,7 +146,7 @@ _charmm_long("lj/charmmfsw/coul/long", LennardJonesCharmmFSW, True)
 @pair_style("lj/long/coul/long")
 def _lj_long(inp: StyleInput):
     if len(inp.args) < 3:
-        raise inp.error(f"{inp.command} takes two flags and one or two cutoffs, got {' '.join(inp.args) or 'nothing'}")
+        raise inp.wrong(f"{inp.command} takes two flags and one or two cutoffs")
     lj, coul, *cutoffs = inp.args
     if lj not in ("long", "cut", "off") or coul not in ("long", "off", "cut"):
         raise inp.error(

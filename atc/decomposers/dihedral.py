@@ -110,6 +110,17 @@ class Torsion(FourAtoms):
         return bad
 
 
+def mirror_refusals(values: Mapping, settle) -> dict[int, str]:
+    """{type: why} of those types for which ``settle(type)`` finds that mirror images differ."""
+    refused = {}
+    for t in values:
+        try:
+            settle(t)
+        except MirrorError as e:
+            refused[t] = str(e)
+    return refused
+
+
 def _cosine(n: int, factor: float) -> np.ndarray:
     a = np.zeros(n + 1)
     a[n] = factor
@@ -250,16 +261,7 @@ def _scaled_fourier(v, factor: float):
     return tuple(w * factor if k % 3 == 1 else w for k, w in enumerate(v))
 
 
-register_bonded(dihedral_style, HarmonicTorsion, CharmmTorsion, CharmmFSWTorsion, OPLSTorsion, MultiHarmonicTorsion)
-
-
-def _each_type(inp, numbers_of):
-    values = {}
-    for line in inp.coeffs:
-        numbers = numbers_of(line)
-        for (t,) in line.covers(inp.n_types):
-            values[t] = numbers
-    return values
+register_bonded(HarmonicTorsion, CharmmTorsion, CharmmFSWTorsion, OPLSTorsion, MultiHarmonicTorsion)
 
 
 @dihedral_style("nharmonic")
@@ -267,14 +269,10 @@ def _nharmonic(inp):
     def numbers(line):
         n = inp.number(line.words[0], 1.0, "the number of terms", line) if line.words else 0
         if n < 1 or n != len(line.words) - 1:
-            raise inp.error(
-                "dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An, got "
-                f"{' '.join(line.words) or 'nothing'}",
-                line,
-            )
+            raise inp.wrong("dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An", line)
         return tuple(inp.number(w, "energy", f"A{k}", line) for k, w in enumerate(line.words[1:], 1))
 
-    return NHarmonicTorsion._from_input(_each_type(inp, numbers), inp)
+    return NHarmonicTorsion._from_input(inp.by_type(numbers), inp)
 
 
 @dihedral_style("fourier")
@@ -284,7 +282,7 @@ def _fourier(inp):
             [inp.number(w, 1.0, "a coefficient", line) for w in line.words] or [0.0], inp.units.energy
         )
 
-    return FourierTorsion._from_input(_each_type(inp, numbers), inp)
+    return FourierTorsion._from_input(inp.by_type(numbers), inp)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -6,9 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from .bonded import CrossTerms, RowTerm, degrees, energy, energy_per_length, length, per_length2, register_bonded, whole
-from .dihedral import MirrorError, sign_of_phase
+from .dihedral import MirrorError, mirror_refusals, sign_of_phase
 from .dihedral_chain import Chain, CoupledTorsion
-from .registry import dihedral_style
 
 
 class Class2Torsion(CrossTerms, CoupledTorsion):
@@ -36,16 +35,14 @@ class Class2Torsion(CrossTerms, CoupledTorsion):
 
     def _set(self, values, where=""):
         super()._set(values, where)
-        refused = {}
-        for t in values:
+
+        def settle(t):
             for n in (0, 2, 4):
                 K, phase = self.table[t, n : n + 2]
-                try:
-                    # From here on the table has the sign of the cosine in the phase's place.
-                    self.table[t, n + 1] = sign_of_phase(round(np.degrees(phase), 9)) if K != 0.0 else 1.0
-                except MirrorError as e:
-                    refused[t] = str(e)
-        self.keep_refusals(refused, where)
+                # From here on the table has the sign of the cosine in the phase's place.
+                self.table[t, n + 1] = sign_of_phase(round(np.degrees(phase), 9)) if K != 0.0 else 1.0
+
+        self.keep_refusals(mirror_refusals(values, settle), where)
 
     def curve(self, chain: Chain, types):
         v = self.table[types].T
@@ -64,19 +61,8 @@ class Class2Torsion(CrossTerms, CoupledTorsion):
             series, ([-v[0] * v[1], -v[2] * v[3], -v[4] * v[5]], A, B, C, D, E)
         )
         y1, y2, y3, x1, x2, z1, z2 = d12 - r1, d23 - r2, d34 - r3, t1 - at1, t2 - at2, t1 - aa1, t2 - aa2
-        U = (
-            v[0]
-            + v[2]
-            + v[4]
-            + own
-            + y2 * mid
-            + y1 * end1
-            + y3 * end3
-            + x1 * ang1
-            + x2 * ang2
-            + M * z1 * z2 * c[0]
-            + N * (d12 - s1) * (d34 - s3)
-        )
+        U = v[0] + v[2] + v[4] + own + y2 * mid + y1 * end1 + y3 * end3 + x1 * ang1 + x2 * ang2
+        U = U + M * z1 * z2 * c[0] + N * (d12 - s1) * (d34 - s3)
         return U, np.stack(
             [
                 end1 + N * (d34 - s3),
@@ -113,16 +99,14 @@ class SphericalTorsion(RowTerm, CoupledTorsion):
 
     def _set(self, values, where=""):
         super()._set(values, where)
-        refused = {}
-        for t, row in values.items():
-            for C, K, a, *_ in np.reshape(row, (-1, 10)):
-                try:
-                    if C != 0.0:
-                        whole_multiple(K)
-                        sign_of_phase(round(np.degrees(K * a), 9))
-                except MirrorError as e:
-                    refused[t] = str(e)
-        self.keep_refusals(refused, where)
+
+        def settle(t):
+            for C, K, a, *_ in np.reshape(values[t], (-1, 10)):
+                if C != 0.0:
+                    whole_multiple(K)
+                    sign_of_phase(round(np.degrees(K * a), 9))
+
+        self.keep_refusals(mirror_refusals(values, settle), where)
 
     def curve(self, chain: Chain, types):
         t1, t2, dt1, dt2 = chain.angles()
@@ -161,4 +145,4 @@ def chebyshev(n, c):
     return T, dT
 
 
-register_bonded(dihedral_style, Class2Torsion, SphericalTorsion)
+register_bonded(Class2Torsion, SphericalTorsion)

@@ -10,9 +10,8 @@ from .angle_curves import restricted, shift_exp
 from .base import Accumulator
 from .bonded import degrees, energy, plain, register_bonded
 from .cluster import first_not_finite
-from .dihedral import FourAtoms, MirrorError, Torsion, cosine_and_slopes, sign_of_phase
+from .dihedral import FourAtoms, Torsion, cosine_and_slopes, mirror_refusals, sign_of_phase
 from .improper import HarmonicImproper
-from .registry import dihedral_style
 
 
 class CurveTorsion(FourAtoms):
@@ -47,14 +46,12 @@ def geometry(x, cos, sin, slopes, near):
 def refuse_phases(term, values, columns, where):
     """Replace phases (radians, in these columns) by the sign of the cosine; types with a phase neither 0 nor 180°
     become refusals."""
-    refused = {}
-    for t in values:
+
+    def settle(t):
         for k in columns:
-            try:
-                term.table[t, k] = sign_of_phase(round(np.degrees(term.table[t, k]), 9))
-            except MirrorError as e:
-                refused[t] = str(e)
-    term.keep_refusals(refused, where)
+            term.table[t, k] = sign_of_phase(round(np.degrees(term.table[t, k]), 9))
+
+    term.keep_refusals(mirror_refusals(values, settle), where)
 
 
 class QuadraticTorsion(HarmonicImproper):
@@ -93,8 +90,7 @@ class HelixTorsion(Torsion):
 
 _SMALL_A = (
     "for |a| below 0.001 LAMMPS's forces are not the derivative of its energy and differ in the mirror image, so they "
-    "are no forces along bonds: "
-    "use a = 0, or 0.001 and more"
+    "are no forces along bonds: use a = 0, or 0.001 and more"
 )
 
 
@@ -137,4 +133,4 @@ class RestrictedTorsion(CurveTorsion):
         return restricted(cos, sin, K, np.cos(phi0))
 
 
-register_bonded(dihedral_style, QuadraticTorsion, HelixTorsion, CosineShiftExpTorsion, RestrictedTorsion)
+register_bonded(QuadraticTorsion, HelixTorsion, CosineShiftExpTorsion, RestrictedTorsion)

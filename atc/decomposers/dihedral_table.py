@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import units as system
-from .bonded_table import read_rows, section_lines
+from .bonded_table import read_rows, section_lines, table_options
 from .dihedral import _MIRROR
 from .dihedral_chain import Chain, CoupledTorsion
 from .dihedral_curves import CurveTorsion
@@ -153,14 +153,9 @@ class _Tabulated:
         self.covered = frozenset(sections)
         curves = {id(s): _Curve(s, points, spline, self.units.energy) for s in sections.values()}
         self.curves = {t: curves[id(s)] for t, s in sections.items()}
-        self.keep_refusals(
-            {
-                t: f"its table is not the same for phi and -phi (by {c.uneven:.2g} of its range): {_MIRROR}"
-                for t, c in self.curves.items()
-                if not c.uneven <= _EVEN
-            },
-            where,
-        )
+        uneven = {t: c.uneven for t, c in self.curves.items() if not c.uneven <= _EVEN}
+        why = "its table is not the same for phi and -phi (by {:.2g} of its range): " + _MIRROR
+        self.keep_refusals({t: why.format(by) for t, by in uneven.items()}, where)
 
     def _lookup(self, cos, sin, types):
         """U and dU/dcos φ."""
@@ -229,17 +224,8 @@ class TableCutTorsion(_Tabulated, CoupledTorsion):
 
 
 def _way(inp):
-    if (
-        len(inp.args) != 2
-        or inp.args[0] not in ("linear", "spline")
-        or not inp.args[1].isdigit()
-        or int(inp.args[1]) < 3
-    ):
-        raise inp.error(
-            f"{inp.command} takes linear or spline and a number of points of at least 3, got "
-            f"{' '.join(inp.args) or 'nothing'}"
-        )
-    return {"points": int(inp.args[1]), "spline": inp.args[0] == "spline", "units": inp.units, "where": inp.where}
+    points, spline = table_options(inp, 3)
+    return {"points": points, "spline": spline, "units": inp.units, "where": inp.where}
 
 
 def _sections(inp, lead: int, what: str):
@@ -247,11 +233,7 @@ def _sections(inp, lead: int, what: str):
     sections, fronts, read = {}, {}, {}
     for line in inp.coeffs:
         if len(line.words) != lead + 2:
-            raise inp.error(
-                f"dihedral_coeff of {inp.name} takes {what}a file and a section's keyword, got "
-                f"{' '.join(line.words) or 'nothing'}",
-                line,
-            )
+            raise inp.wrong(f"dihedral_coeff of {inp.name} takes {what}a file and a section's keyword", line)
         key = line.words[lead:]
         if key not in read:
             read[key] = read_torsion_section(inp.path(key[0], line), key[1], line.where, inp.units.name)

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import AtcError, AtcWarning
 from ..readers.lammps_sections import number_of, shortened, whole_of
 from ..readers.whole import whole_text
-from .parameter_file import energy_conversion, units_tag
+from .parameter_file import energy_conversion, same_units
 
 _LARGE = 1e50  # no number of a potential is as large
 # LAMMPS's eV·Å in Hartree·Bohr, three digits, for the effective charges of funcfl files.
@@ -137,13 +137,7 @@ def _is_number(word: str) -> bool:
 
 def _grid(words, where):
     """nrho drho nr dr cutoff"""
-    nrho, drho, nr, dr, cut = (
-        whole_of(words[0]),
-        number_of(words[1]),
-        whole_of(words[2]),
-        number_of(words[3]),
-        number_of(words[4]),
-    )
+    (nrho, nr), (drho, dr, cut) = map(whole_of, words[:3:2]), map(number_of, (words[1], words[3], words[4]))
     if None in (nrho, drho, nr, dr, cut):
         raise AtcError(f"{where}: expected nrho drho nr dr cutoff, got {shortened(' '.join(words))!r}")
     # LAMMPS's spline takes differences over five points.
@@ -189,11 +183,8 @@ def read_setfl(
     AtcError for a missing, malformed or truncated file.
     """
     f = _Lines(path, 3, where)
-    if angular and units_tag(f.text) not in (None, units_name):
-        raise AtcError(
-            f"{path}: this file is in {units_tag(f.text)!r} units and the model in {units_name!r}: LAMMPS does not "
-            "convert adp files"
-        )
+    if angular:
+        same_units(f.text, units_name, path, "adp")
     factor = energy_conversion(f.text, units_name, path)
     words, at = f.words(2, "the number of elements and their names")
     m = whole_of(words[0])
@@ -279,17 +270,8 @@ def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:
         rho[a, :] = _four_points(r, f[2], f[6])
         for b in range(m):
             zr[a, b] = _HARTREE_BOHR * z[max(a, b)] * z[min(a, b)]
-    return EAMTables(
-        [str(k) for k in range(m)],
-        np.array([f[0] for f in files]),
-        drho,
-        dr,
-        max(f[3] for f in files),
-        F,
-        rho,
-        zr,
-        rho_end,
-    )
+    names, masses, cutoff = [str(k) for k in range(m)], np.array([f[0] for f in files]), max(f[3] for f in files)
+    return EAMTables(names, masses, drho, dr, cutoff, F, rho, zr, rho_end)
 
 
 def _four_points(x, step, table):

@@ -14,7 +14,7 @@ from ..compiled import njit
 from ..errors import AtcError, AtcWarning
 from ..units import Units
 from .centred import Centred
-from .elements import mapped_line
+from .elements import mapped_line, mapped_style
 from .entries import Entry, OfEntries
 from .neighborhood import around
 from .registry import MAPPED_STYLES, pair_style
@@ -99,23 +99,15 @@ class EDIP(Centred, OfEntries):
             self.three[i, j, k] = e.lam * energy, e.eta, e.Q0, e.mu, e.u1, e.u2, e.u3, e.u4
             if j == k:
                 self.two[i, j] = (
-                    e.a * length,
-                    e.A * energy,
-                    e.B * length,
-                    e.rho,
-                    e.beta,
-                    e.sigma * length,
-                    e.gamma * length,
-                    e.c * length,
-                    e.alpha,
-                )
+                    e.a * length, e.A * energy, e.B * length, e.rho, e.beta, e.sigma * length, e.gamma * length,
+                    e.c * length, e.alpha,
+                )  # fmt: skip
         for i, j, k in product(range(m), repeat=3):
             if j < k and not np.allclose(self.three[i, j, k], self.three[i, k, j], rtol=1e-5, atol=0):
                 e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
                 raise AtcError(
                     f"{e.where} and {f.where}: different lambda, eta, Q0, mu or u1 to u4 for one triplet, of which "
-                    "LAMMPS takes one by the order of its "
-                    "neighbour list: make them equal"
+                    "LAMMPS takes one by the order of its neighbour list: make them equal"
                 )
         self.three = np.ascontiguousarray(0.5 * (self.three + self.three.transpose(0, 2, 1, 3)))
         self.cutoff = float(self.two[..., 0].max())
@@ -294,10 +286,7 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
     return n, total
 
 
-@pair_style("edip/multi")
-def _edip_multi(inp):
-    path, elements, line = mapped_line(inp, ".edip")
-    return EDIP.from_file(path, elements, units=inp.units, where=line.where)
+mapped_style("edip/multi", ending=".edip", read=EDIP.from_file)
 
 
 @pair_style("edip")
@@ -307,12 +296,11 @@ def _edip(inp):
         raise inp.error("pair_style edip takes one element: write edip/multi for several", line)
     warnings.warn(
         f"{inp.where}: LAMMPS's edip looks its functions up in tables where edip/multi, and this program, evaluate "
-        "them: forces differ from the run's by "
-        "about 5e-7 of the largest, energies by 1e-8",
+        "them: forces differ from the run's by about 5e-7 of the largest, energies by 1e-8",
         AtcWarning,
         stacklevel=2,
     )
     return EDIP.from_file(path, elements, units=inp.units, where=line.where)
 
 
-MAPPED_STYLES.update(("edip", "edip/multi"))
+MAPPED_STYLES.add("edip")

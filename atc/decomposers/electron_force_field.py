@@ -15,7 +15,7 @@ from ..compiled import njit
 from ..errors import AtcError
 from .atom_columns import ELECTRON, atom_columns
 from .pair import PairStyle
-from .pair_input import mix_distance, pair_values
+from .pair_input import one_cutoff_each
 from .registry import StyleInput, pair_style
 
 # Su & Goddard, Phys. Rev. Lett. 99 (2007) 185003: ρ, and the scales of distances and sizes in the Pauli term.
@@ -111,9 +111,7 @@ def _eff_style(inp: StyleInput):
             "pressure/evirials: what the sizes of electrons add to LAMMPS's pressure is no force between atoms and "
             "not in the stress"
         )
-    (cutoff,) = pair_values(
-        inp, [("cutoff", "length")], optional=1, defaults=[rc], mix=lambda a, b, rule: (mix_distance(a[0], b[0], rule),)
-    )
+    cutoff = one_cutoff_each(inp, rc)
     inp.note("forces of electrons are those at the sizes that the frames show")
     hbar2_m = _HBAR2_OVER_M[inp.units.name] * inp.units.factor("energy") * inp.units.length**2
     return ElectronForceField(cutoff, inp.units.coulomb / inp.dielectric, hbar2_m, "limit/eradius" in more)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Frame
-from .registry import StyleInput
+from .registry import MAPPED_STYLES, StyleInput, pair_style
 
 #: Symbols in the order of the nuclear charge, from 1.
 SYMBOLS = tuple(
@@ -27,7 +27,7 @@ def whole_line(inp: StyleInput, wants: str, least: int = 0):
     AtcError for arguments, missing or several lines, types other than ``* *``, too few words.
     """
     if inp.args:
-        raise inp.error(f"{inp.command} takes {wants}: expected no arguments, got {' '.join(inp.args)}")
+        raise inp.wrong(f"{inp.command} takes {wants}: expected no arguments")
     if not inp.coeffs:
         raise inp.error(f"{inp.command} has no pair_coeff line: give {wants}")
     if len(inp.coeffs) > 1:
@@ -85,6 +85,23 @@ def mapped_line(inp: StyleInput, ending: str):
     return inp.path(line.words[0], line), elements, line
 
 
+def mapped_style(*names: str, ending: str, read, **more) -> None:
+    """Make pair styles known whose one line is ``pair_coeff * * file El1 El2 ...``, built by ``read(path, elements,
+    units=, where=, **more)``."""
+
+    def build(inp: StyleInput):
+        path, elements, line = mapped_line(inp, ending)
+        return read(path, elements, units=inp.units, where=line.where, **more)
+
+    MAPPED_STYLES.update(names)
+    pair_style(*names)(build)
+
+
+def named_elements(elements) -> list:
+    """The elements that types are given, each once; without those left out."""
+    return list(dict.fromkeys(e for e in elements or () if e not in (None, "NULL")))
+
+
 def require_known(elements, names, path, where: str) -> None:
     """Raise AtcError, at the line `where` or the file, for elements that a file does not have."""
     odd = next((e for e in elements or () if e not in (None, "NULL", *names)), None)
@@ -134,9 +151,8 @@ class ElementMap:
             of_type = np.concatenate([of_type, np.full(top + 1 - len(of_type), self.names.index(self.rest))])
         if top >= len(of_type):
             raise AtcError(
-                f"{frame.source}: atoms of type {int(frame.types.max())} but {self.what} names the elements of types "
-                f"1 to {len(self.of_type) - 1}: "
-                "name the others too, or NULL"
+                f"{frame.source}: atoms of type {int(frame.types.max())} but {self.what} names the elements of types 1 "
+                f"to {len(self.of_type) - 1}: name the others too, or NULL"
             )
         if n and frame.types.min() < 1:
             raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(frame.types.min())}")

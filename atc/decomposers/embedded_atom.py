@@ -17,10 +17,10 @@ from ..units import Units
 from ..units import units as system
 from .base import Accumulator, Term, Work
 from .eam_file import EAMTables, read_funcfl, read_setfl
-from .elements import ElementMap, mapped_line, require_known
+from .elements import ElementMap, mapped_style, named_elements, require_known
 from .neighbor_work import NO_D, shares
-from .neighborhood import by_place, impossible
-from .registry import MAPPED_STYLES, pair_style
+from .neighborhood import by_place, impossible, share_half
+from .registry import pair_style
 
 
 class EmbeddedAtom(Term):
@@ -60,16 +60,13 @@ class EmbeddedAtom(Term):
     ):
         self.units = u = system(units)
         self.name = name
-        used = (
-            tables.elements if elements is None else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
         self.map = ElementMap(elements, tables.elements, f"pair_style {name}")
+        keep = list(range(len(tables.elements)))
         if elements is not None:
             # Only what is needed, so that a file of sixteen elements costs no memory.
+            used = named_elements(elements)
             keep = [tables.elements.index(e) for e in used]
             self.map = ElementMap(elements, used, f"pair_style {name}", rest)
-        else:
-            keep = list(range(len(used)))
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         self.dr, self.drho = tables.dr * length, tables.drho
         self.cutoff = float(tables.cutoff * length)
@@ -175,21 +172,9 @@ class _EAMWork(Work):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
         D = np.empty((n, 2, 3)) if acc.sources else NO_D
+        pairs, per_dr = (ws.i, ws.j, ws.r, ws.d2), 1.0 / term.dr
         m, energy, bad = _bonds(
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.d2,
-            n,
-            self.element,
-            term.rho,
-            term.zr,
-            1.0 / term.dr,
-            self.slope,
-            self.atom,
-            ws.G,
-            D,
-            shares(acc),
+            pairs, n, self.element, term.rho, term.zr, per_dr, self.slope, self.atom, ws.G, D, shares(acc)
         )
         if bad >= 0:
             raise impossible(self.frame, self.atom[ws.i[bad]], self.atom[ws.j[bad]], ws.d2[bad] ** 0.5, "EAM")
@@ -205,16 +190,20 @@ def _place(x, per_step, n):
     return m, min(p - m, 1.0)
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def cubic(c, x, per_step):
+    """A cubic at a place x between its points, and its slope."""
+    return ((c[0] * x + c[1]) * x + c[2]) * x + c[3], ((3.0 * c[0] * x + 2.0 * c[1]) * x + c[2]) * per_step
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _densities(i, j, d2, n, element, spline, per_dr, rho):
     points = spline.shape[2] - 1
     for b in range(n):
         m, p = _place(np.sqrt(d2[b]), per_dr, points)
         ei, ej = element[i[b]], element[j[b]]
-        c = spline[ej, ei, m]
-        rho[i[b]] += ((c[0] * p + c[1]) * p + c[2]) * p + c[3]
-        c = spline[ei, ej, m]
-        rho[j[b]] += ((c[0] * p + c[1]) * p + c[2]) * p + c[3]
+        rho[i[b]] += cubic(spline[ej, ei, m], p, per_dr)[0]
+        rho[j[b]] += cubic(spline[ei, ej, m], p, per_dr)[0]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -231,9 +220,7 @@ def _embed(rho, element, spline, per_drho, rho_first, rho_end, atom, slope, ener
         below = rho_first != 0.0 and rho[s] < rho_first
         if below:
             p = -1.0
-        c = spline[element[s], m]
-        f = ((3.0 * c[0] * p + 2.0 * c[1]) * p + c[2]) * per_drho
-        u = ((c[0] * p + c[1]) * p + c[2]) * p + c[3]
+        u, f = cubic(spline[element[s], m], p, per_drho)
         if rho[s] > rho_end:
             u += f * (rho[s] - rho_end)
             beyond += 1
@@ -248,12 +235,12 @@ def _embed(rho, element, spline, per_drho, rho_first, rho_end, atom, slope, ener
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bonds(i, j, r, d2, n, element, rho, zr, per_dr, slope, atom, G, D, energies):
+def _bonds(pairs, n, element, rho, zr, per_dr, slope, atom, G, D, energies):
     """Pair energies, G and sources, compacted in place to the frame's indices. Returns their number, the energy, the
     first bad pair (−1)."""
+    i, j, r, d2 = pairs
     points = zr.shape[2] - 1
     sources = len(D) > 0
-    shared = len(energies) > 0
     total = 0.0
     m = 0
     for b in range(n):
@@ -262,9 +249,7 @@ def _bonds(i, j, r, d2, n, element, rho, zr, per_dr, slope, atom, G, D, energies
         d = np.sqrt(d2[b])
         inv = 1.0 / d
         row, p = _place(d, per_dr, points)
-        c = zr[ea, ek, row]
-        z = ((c[0] * p + c[1]) * p + c[2]) * p + c[3]
-        dz = ((3.0 * c[0] * p + 2.0 * c[1]) * p + c[2]) * per_dr
+        z, dz = cubic(zr[ea, ek, row], p, per_dr)
         u = z * inv
         du = (dz - u) * inv
         c = rho[ek, ea, row]
@@ -276,9 +261,7 @@ def _bonds(i, j, r, d2, n, element, rho, zr, per_dr, slope, atom, G, D, energies
             return 0, 0.0, b
         total += u
         ia, ik = atom[a], atom[k]
-        if shared:
-            energies[ia] += 0.5 * u
-            energies[ik] += 0.5 * u
+        share_half(energies, ia, ik, u)
         keep = g != 0.0
         x, y, w = r[b, 0], r[b, 1], r[b, 2]
         if sources:
@@ -294,36 +277,19 @@ def _bonds(i, j, r, d2, n, element, rho, zr, per_dr, slope, atom, G, D, energies
     return m, total, -1
 
 
-MAPPED_STYLES.update(("eam/alloy", "eam/fs", "eam/he"))
-
-
-@pair_style("eam/alloy")
-def _alloy(inp):
-    path, elements, line = mapped_line(inp, ".eam.alloy")
-    return EmbeddedAtom.from_setfl(path, elements, units=inp.units, where=line.where)
-
-
-@pair_style("eam/fs")
-def _finnis_sinclair(inp):
-    path, elements, line = mapped_line(inp, ".eam.fs")
-    return EmbeddedAtom.from_setfl(path, elements, units=inp.units, finnis_sinclair=True, where=line.where)
-
-
-@pair_style("eam/he")
-def _helium(inp):
-    path, elements, line = mapped_line(inp, ".eam.he")
-    return EmbeddedAtom.from_setfl(path, elements, units=inp.units, helium=True, where=line.where)
+mapped_style("eam/alloy", ending=".eam.alloy", read=EmbeddedAtom.from_setfl)
+mapped_style("eam/fs", ending=".eam.fs", read=EmbeddedAtom.from_setfl, finnis_sinclair=True)
+mapped_style("eam/he", ending=".eam.he", read=EmbeddedAtom.from_setfl, helium=True)
 
 
 @pair_style("eam")
 def _funcfl(inp):
-    if inp.args:
-        raise inp.error(f"pair_style eam takes no arguments, got {' '.join(inp.args)}")
+    inp.no_arguments()
     paths: list = []
     of_type: dict[int, int] = {}
     for line in inp.coeffs:
         if len(line.words) != 1:
-            raise inp.error(f"pair_coeff of eam takes one funcfl file, got {' '.join(line.words) or 'nothing'}", line)
+            raise inp.wrong("pair_coeff of eam takes one funcfl file", line)
         mine = [a for a, b in line.covers(inp.n_types) if a == b]
         if not mine:
             raise inp.error(

@@ -15,30 +15,15 @@ from ..units import Units
 from ..units import units as system
 from .base import Term, Work
 from .elements import ElementMap, not_as_wanted, of_each_type, whole_line
-from .embedded_atom import _place, spline
+from .embedded_atom import _place, cubic, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
-from .neighborhood import around, between_sharing_neighbors
-from .parameter_file import LARGE, read_parameter_file, units_tag
+from .neighborhood import around, between_sharing_neighbors, share_half
+from .parameter_file import LARGE, read_parameter_file, same_units
 from .registry import MAPPED_STYLES, pair_style
 
 # LAMMPS's tables: so many points from 0 to the largest cutoff.
 _POINTS = 5000
-_PAIR = (
-    "rc_phi",
-    "rc_phi2",
-    "Eb",
-    "re",
-    "alpha",
-    "beta",
-    "rc_eta",
-    "A_eta",
-    "rs_eta",
-    "rc_psi",
-    "A_psi",
-    "zeta",
-    "rs_psi",
-    "p",
-)
+_PAIR = tuple("rc_phi rc_phi2 Eb re alpha beta rc_eta A_eta rs_eta rc_psi A_psi zeta rs_psi p".split())
 
 
 @dataclass
@@ -62,11 +47,7 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
     AtcError for a missing or malformed file, missing elements or pairs.
     """
     text = read_parameter_file(path, "EIM", where)
-    if units_tag(text) not in (None, units_name):
-        raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
-            "convert EIM files"
-        )
+    same_units(text, units_name, path, "EIM")
     bounds, chi, mass, pairs = None, {}, {}, {}
     words: list[str] = []
     first = 0
@@ -247,8 +228,7 @@ def _at(table, d, per_dr):
     if d >= table[0, 0]:
         return 0.0, 0.0
     m, x = _place(d, per_dr, table.shape[0] - 1)
-    c = table[m]
-    return ((c[0] * x + c[1]) * x + c[2]) * x + c[3], ((3.0 * c[0] * x + 2.0 * c[1]) * x + c[2]) * per_dr
+    return cubic(table[m], x, per_dr)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -300,9 +280,7 @@ def _pairs(p0, p1, near, phi, eta, psi, per_dr, q, sigma, grad, out, energies):
         if not np.isfinite(g + u):
             return 0, 0.0, p
         total += u
-        if len(energies) > 0:
-            energies[atom[i]] += 0.5 * u
-            energies[atom[j]] += 0.5 * u
+        share_half(energies, atom[i], atom[j], u)
         keep = g != 0.0
         out_i[m], out_j[m], out_G[m] = atom[i], atom[j], g
         for c in range(3):

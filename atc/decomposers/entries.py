@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from itertools import product
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +13,8 @@ from ..errors import AtcError
 from ..units import Units
 from ..units import units as system
 from .base import Term
-from .elements import ElementMap
+from .cluster import weights_of
+from .elements import ElementMap, named_elements
 from .parameter_file import read_entries
 
 
@@ -60,11 +62,7 @@ class OfEntries(Term):
         for e in entries.values():
             if wrong := e.check():
                 raise AtcError(f"{e.where}: {wrong}")
-        names = (
-            [next(iter(entries))[0]]
-            if elements is None
-            else list(dict.fromkeys(e for e in elements if e not in (None, "NULL")))
-        )
+        names = [next(iter(entries))[0]] if elements is None else named_elements(elements)
         self.map = ElementMap(elements, names, f"pair_style {self.style}")
         for triple in product(names, repeat=3):
             if triple not in entries:
@@ -81,6 +79,21 @@ class OfEntries(Term):
         elements : the element of each atom type from 1, ``"NULL"`` or None leaves a type out. where : the line that
             names the file, for messages. more : what else the class takes
         """
-        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        entries = read_entries(path, used, system(units).name, cls.entry, where)
+        entries = read_entries(path, named_elements(elements), system(units).name, cls.entry, where)
         return cls(entries, elements, units=units, **more)
+
+
+class OfTriplets(OfEntries):
+    """One of pairs and triplets, whose triplets' energy may be shared in more than one way."""
+
+    partitions = MappingProxyType({"equal": "equal", "center": "center"})
+
+    def share(self, partition):
+        center = ((1.0, 0.0, 0.0), "to the atom at its center")
+        w, words = weights_of(partition, 3, {"center": center, "centre": center}, self.style)
+        if w[1] != w[2]:
+            raise AtcError(
+                f"{self.style}: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}"
+            )
+        self.weights = float(w[0]), float(w[1])
+        self.shared = "a third to each of its atoms" if isinstance(partition, str) and partition == "equal" else words

@@ -53,8 +53,7 @@ class Exclusions:
         ):
             raise AtcError(
                 f"{self.where}: who is in group {next(g for g in self.groups if g != 'all')} is not known for "
-                f"{frame.source}: "
-                "give atc the frames of a trajectory, with the data file that the script reads"
+                f"{frame.source}: give atc the frames of a trajectory, with the data file that the script reads"
             )
         if (self.same or self.different) and frame.molecules is None:
             raise AtcError(
@@ -93,25 +92,13 @@ class _Excluded:
 
     def leave_out(self, ws, n: int) -> int:
         """Take the pairs out of the first n of a workspace; how many are left."""
-        return _leave_out(
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.d2,
-            n,
-            self.types,
-            self.mask,
-            self.bits,
-            self.molecules,
-            self.a,
-            self.b,
-            self.same,
-            self.different,
-        )
+        rules = self.mask, self.a, self.b, self.same, self.different
+        return _leave_out((ws.i, ws.j, ws.r, ws.d2), n, self.types, self.bits, self.molecules, rules)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _leave_out(i, j, r, d2, n, types, mask, bits, molecules, a, b, same, different):
+def _leave_out(pairs, n, types, bits, molecules, rules):
+    (i, j, r, d2), (mask, a, b, same, different) = pairs, rules
     m = 0
     for k in range(n):
         p, q = i[k], j[k]
@@ -150,21 +137,21 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
             continue
         words, k = c.words, 0
         if c.unknown:
-            raise AtcError(f"{c.where}: {c.unknown}")
+            raise c.error(f"{c.unknown}")
         where = where or c.where
         while k < len(words):
             key, rest = words[k], words[k + 1 :]
             kind = rest[0] if rest else ""
             if key == "include":
                 if not kind:
-                    raise AtcError(f"{c.where}: neigh_modify include needs the name of a group")
+                    raise c.error("neigh_modify include needs the name of a group")
                 only, k = kind, k + 2
             elif key in values:
                 k += 1 + values[key]
             elif key.startswith("collection/"):
                 k += 2 + (int(kind) if kind.isdigit() else 0)
             elif key != "exclude":
-                raise AtcError(f"{c.where}: neigh_modify {key} is not known")
+                raise c.error(f"neigh_modify {key} is not known")
             elif kind == "none":
                 types, named, k = [], [], k + 2
             elif kind in ("type", "group") and len(rest) > 2:
@@ -177,8 +164,8 @@ def exclusions_of(commands, type_of) -> Exclusions | None:
                 named.append(("molecule/intra" if kind == "molecule" else kind, rest[1]))
                 k += 3
             else:
-                raise AtcError(
-                    f"{c.where}: expected neigh_modify exclude type, group, molecule/intra, molecule/inter or none, "
+                raise c.error(
+                    f"expected neigh_modify exclude type, group, molecule/intra, molecule/inter or none, "
                     f"got {' '.join(rest) or 'nothing'}"
                 )
     some = () if only == "all" else (only,)

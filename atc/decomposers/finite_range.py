@@ -133,10 +133,7 @@ def _cosine_squared_style(inp: StyleInput):
         e, s, cut = inp.numbers(words, [CosineSquared.numbers[k] for k in (0, 1, 3)], line, optional=1)
         cut = rc if cut is None else cut
         if cut < s or (cut == s and not wca):
-            raise inp.error(
-                f"{inp.command}: the cutoff must be larger than sigma (or equal with wca), got {' '.join(line.words)}",
-                line,
-            )
+            raise inp.wrong(f"{inp.command}: the cutoff must be larger than sigma (or equal with wca)", line)
         lines.append(line.__class__(line.types, (*words[:2], "1" if wca else "0", *words[2:]), line.where))
     return CosineSquared.internal(
         *pair_values(inp.replace(coeffs=tuple(lines)), CosineSquared.numbers, optional=1, defaults=[rc])

@@ -30,13 +30,9 @@ class BornGauss(RadialStyle):
 
     name = "born/gauss"
     numbers = (
-        ("A0", "energy"),
-        ("alpha", {"length": -1}),
-        ("A1", "energy"),
-        ("beta", _PER_AREA),
-        ("r0", "length"),
+        ("A0", "energy"), ("alpha", {"length": -1}), ("A1", "energy"), ("beta", _PER_AREA), ("r0", "length"),
         ("cutoff", "length"),
-    )
+    )  # fmt: skip
 
     @pair_law
     def law(d2, A0, alpha, A1, beta, r0):

@@ -89,23 +89,14 @@ inner_outer(LennardJonesGromacs, mix=mix_lj_distances)
 def _both(inp: StyleInput):
     names = ("inner LJ cutoff", "outer LJ cutoff", "inner Coulomb cutoff", "outer Coulomb cutoff")
     if len(inp.args) == 3:
-        raise inp.error(f"{inp.command} takes two or four cutoffs, got {' '.join(inp.args)}")
+        raise inp.wrong(f"{inp.command} takes two or four cutoffs")
     inner, outer, inner_c, outer_c = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
     if inner_c is None:
         inner_c, outer_c = inner, outer
-    wrong = inner_below_outer(inner, outer, "LJ ") or (
-        None if 0 <= inner_c < outer_c else "the inner Coulomb cutoff must be less than the outer one"
-    )
-    if wrong:
-        raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
-    given = {}
-    for line in inp.coeffs:
-        values = inp.numbers(line.words, LennardJonesGromacs.numbers[:2], line)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (*values, 1.0)
-    epsilon, sigma, on = fill(
-        inp, given, 3, mix=lambda a, b, rule: (*mix_lj((*a[:2], 1.0), (*b[:2], 1.0), rule)[:2], 1.0)
-    )
+    inp.require(inner_below_outer(inner, outer, "LJ "))
+    inp.require(None if 0 <= inner_c < outer_c else "the inner Coulomb cutoff must be less than the outer one")
+    given = inp.by_pair(lambda line: (*inp.numbers(line.words, LennardJonesGromacs.numbers[:2], line), 1.0))
+    epsilon, sigma, on = fill(inp, given, 3, mix=mix_lj)
     return [
         LennardJonesGromacs.internal(epsilon, sigma, on * inner, on * outer),
         CoulombGromacs.of(inp, on * inner_c, on * outer_c),

@@ -12,23 +12,9 @@ from .registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify, mapped_elem
 from .unsupported import reason
 
 # Words that are arguments of a sub-style, not the name of the next one.
-_ARGUMENTS = {
-    "linear",
-    "spline",
-    "lookup",
-    "bitmap",
-    "nocoeff",
-    "full",
-    "threebody",
-    "on",
-    "off",
-    "long",
-    "cut",
-    "shift",
-    "maxdelta",
-    "check",
-    "nocheck",
-}
+_ARGUMENTS = set(
+    "linear spline lookup bitmap nocoeff full threebody on off long cut shift maxdelta check nocheck".split()
+)
 # Accelerator suffixes: other code for the same formula.
 _SUFFIX = re.compile(r"/(omp|opt|gpu|intel|kk|kk/host|kk/device)$")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")

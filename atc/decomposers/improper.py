@@ -20,7 +20,6 @@ from ..compiled import njit
 from .base import Accumulator
 from .bonded import degrees, energy, register_bonded
 from .dihedral import FourAtoms, HarmonicTorsion, cosine_and_slopes
-from .registry import improper_style
 
 # LAMMPS's SMALL: the least sin χ that is divided by at a kink.
 _SMALL = 0.001
@@ -54,7 +53,7 @@ class CvffImproper(HarmonicTorsion):
     name = "cvff"
 
 
-register_bonded(improper_style, HarmonicImproper, CvffImproper)
+register_bonded(HarmonicImproper, CvffImproper)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

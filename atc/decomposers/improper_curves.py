@@ -17,7 +17,6 @@ from .bonded import CrossTerms, RowTerm, degrees, energy, length, per_length2, p
 from .cluster import first_not_finite
 from .dihedral import FourAtoms
 from .improper_pyramid import Pyramid, PyramidImproper, asin_over_sine
-from .registry import improper_style
 
 # The least sine or cosine that is divided by at a kink.
 _SMALL = 0.001
@@ -132,7 +131,18 @@ class DistanceImproper(PyramidImproper):
         return p.height2 * (K2 + K4 * p.height2), (K2 + 2.0 * K4 * p.height2)[:, None] * p.height2_e
 
 
-class DistHarmImproper(PyramidImproper):
+class OrientedImproper(PyramidImproper):
+    """One whose second number, if not 0, prefers one hand: refused then, with why it is `oriented`."""
+
+    oriented = ""
+
+    def _set(self, values, where=""):
+        super()._set(values, where)
+        handed = [t for t in values if self.table[t, 0] and self.table[t, 1]]
+        self.keep_refusals(dict.fromkeys(handed, f"{self.oriented}: {_HANDED}"), where)
+
+
+class DistHarmImproper(OrientedImproper):
     """U = K (h − h0)² (YAFF; LAMMPS ``distharm``), h the *oriented* distance of atom 1 (LAMMPS's manual: atom 4) from
     the plane of the others.
 
@@ -142,16 +152,7 @@ class DistHarmImproper(PyramidImproper):
     name = "distharm"
     wants = (("K", per_length2), ("h0", length))
 
-    def _set(self, values, where=""):
-        super()._set(values, where)
-        self.keep_refusals(
-            {
-                t: f"its distance d0 is oriented and not 0: {_HANDED}"
-                for t in values
-                if self.table[t, 0] and self.table[t, 1]
-            },
-            where,
-        )
+    oriented = "its distance d0 is oriented and not 0"
 
     def curve(self, p, types, acc):
         K = self.table[types, 0]
@@ -191,7 +192,7 @@ class RingImproper(PyramidImproper):
         return K / 6.0 * x**6, (K * x**5)[:, None] * p.cos_e.sum(axis=0)
 
 
-class Class2Improper(CrossTerms, PyramidImproper):
+class Class2Improper(CrossTerms, OrientedImproper):
     """U = K χ² + M1 x1 x3 + M2 x1 x2 + M3 x2 x3 (COMPASS; LAMMPS ``class2``), χ the mean of the three angles between an
     arm and the plane of the others.
 
@@ -205,16 +206,7 @@ class Class2Improper(CrossTerms, PyramidImproper):
     crosses = {"aa": (*((f"M{k}", energy) for k in (1, 2, 3)), *((f"theta{k}", degrees) for k in (1, 2, 3)))}  # noqa: RUF012
     apex = 1
 
-    def _set(self, values, where=""):
-        super()._set(values, where)
-        self.keep_refusals(
-            {
-                t: f"its chi is oriented and chi0 not 0: {_HANDED}"
-                for t in values
-                if self.table[t, 0] and self.table[t, 1]
-            },
-            where,
-        )
+    oriented = "its chi is oriented and chi0 not 0"
 
     def curve(self, p, types, acc):
         K, _, M1, M2, M3, *t = self.table[types].T
@@ -252,8 +244,7 @@ class CosineSquaredImproper(FourAtoms):
         if self.table[t, 0] and self.table[t, 1]:
             warnings.warn(
                 "improper_style cossq with chi0 other than 0: LAMMPS computes forces that are not the derivative of "
-                "its energy; "
-                "the run's forces are taken as they are, so energy is not balanced",
+                "its energy; the run's forces are taken as they are, so energy is not balanced",
                 AtcWarning,
                 stacklevel=2,
             )
@@ -274,15 +265,5 @@ class CosineSquaredImproper(FourAtoms):
         return first_not_finite(U, G)
 
 
-register_bonded(
-    improper_style,
-    UmbrellaImproper,
-    FourierImproper,
-    InversionHarmonicImproper,
-    DistanceImproper,
-    DistHarmImproper,
-    SqDistHarmImproper,
-    RingImproper,
-    Class2Improper,
-    CosineSquaredImproper,
-)
+register_bonded(UmbrellaImproper, FourierImproper, InversionHarmonicImproper, DistanceImproper, DistHarmImproper)
+register_bonded(SqDistHarmImproper, RingImproper, Class2Improper, CosineSquaredImproper)

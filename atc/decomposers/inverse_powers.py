@@ -118,16 +118,16 @@ one_cutoff(Class2, mix=mix_lj6)
 @pair_style("lj/spica", "lj/sdk")
 def _spica_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
-    given = {}
-    for line in inp.coeffs:
+
+    def read(line):
         form = line.words[0] if line.words else "nothing"
         if form not in SPICA_FORMS:
             raise inp.error(
-                f"pair_coeff of {inp.name} takes one of {', '.join(SPICA_FORMS)} and epsilon sigma [cutoff], got "
-                f"{form}",
+                f"pair_coeff of {inp.name} takes one of {', '.join(SPICA_FORMS)} and epsilon sigma [cutoff], "
+                f"got {form}",
                 line,
             )
         e, s, cut = inp.numbers(line.words[1:], _LJ, line, optional=1)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (*SPICA_FORMS[form], e, s, rc if cut is None else cut)
-    return Spica.internal(*fill(inp, given, 6), shift=inp.modify.shift)
+        return (*SPICA_FORMS[form], e, s, rc if cut is None else cut)
+
+    return Spica.internal(*fill(inp, inp.by_pair(read), 6), shift=inp.modify.shift)

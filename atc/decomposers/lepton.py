@@ -197,9 +197,8 @@ class Lepton(PairStyle):
         self._set(cutoff, np.zeros_like(cutoff))
         if shift:
             for i, j in np.argwhere(cutoff > 0):
-                self.table[i, j, 1] = (
-                    formulas[which[i, j]](np.array([cutoff[i, j] / units.length]))[0][0] * units.energy
-                )
+                at_end, _ = formulas[which[i, j]](np.array([cutoff[i, j] / units.length]))
+                self.table[i, j, 1] = at_end[0] * units.energy
 
     def prepare(self, frame):
         return frame.charges * self.root if self.needs_charges else None
@@ -239,25 +238,17 @@ def _lepton_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
     if charged and inp.modify.shift:
         raise inp.error(f"{inp.command}: pair_modify shift does not go with this style (LAMMPS refuses it too)")
-    formulas, given = [], {}
-    for line in inp.coeffs:
+    formulas = []
+
+    def read(line):
         if not 1 <= len(line.words) <= 2:
-            raise inp.error(
-                f"pair_coeff of {inp.name} takes a formula (in quotes, or without blanks) and [cutoff], got "
-                f"{' '.join(line.words)}",
-                line,
+            raise inp.wrong(
+                f"pair_coeff of {inp.name} takes a formula (in quotes, or without blanks) and [cutoff]", line
             )
         (cut,) = inp.numbers(line.words[1:], [("cutoff", "length")], line, optional=1)
         formulas.append(formula_word(inp, line, line.words[0], ("qi", "qj") if charged else ()))
-        for pair in line.covers(inp.n_types):
-            given[pair] = (len(formulas), rc if cut is None else cut)
-    which, cutoff = fill(inp, given, 2)
-    return Lepton(
-        formulas,
-        which.astype(int) - 1,
-        cutoff,
-        inp.units,
-        shift=inp.modify.shift,
-        charged=charged,
-        dielectric=inp.dielectric,
-    )
+        return len(formulas), rc if cut is None else cut
+
+    which, cutoff = fill(inp, inp.by_pair(read), 2)
+    more = {"shift": inp.modify.shift, "charged": charged, "dielectric": inp.dielectric}
+    return Lepton(formulas, which.astype(int) - 1, cutoff, inp.units, **more)

@@ -150,23 +150,16 @@ inner_outer(LennardJonesSmooth, mix=mix_lj_distances)
 @pair_style("lj/cubic")
 def _cubic_style(inp: StyleInput):
     inp.numbers(inp.args, [])
-    given = {}
-    for line in inp.coeffs:
-        values = inp.numbers(line.words, _LJ, line)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (*values, 1.0)
-    return LennardJonesCubic.internal(
-        *fill(inp, given, 3, lambda a, b, rule: (*mix_lj_distances(a[:2], b[:2], rule), 1.0))
-    )
+    given = inp.by_pair(lambda line: (*inp.numbers(line.words, _LJ, line), 1.0))
+    mix = lambda a, b, rule: (*mix_lj_distances(a[:2], b[:2], rule), 1.0)  # noqa: E731
+    return LennardJonesCubic.internal(*fill(inp, given, 3, mix))
 
 
 @pair_style("lj/relres")
 def _relres_style(inp: StyleInput):
     wants = RelativeResolution.numbers
     cutoffs = inp.numbers(inp.args, wants[4:])
-    wrong = _in_order(*cutoffs)
-    if wrong:
-        raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+    inp.require(_in_order(*cutoffs))
 
     def mix(a, b, rule):
         cutoffs = (mix_distance(x, y, rule) for x, y in zip(a[4:], b[4:], strict=True))

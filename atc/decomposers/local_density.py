@@ -15,7 +15,7 @@ from ..units import units as system
 from .base import Term, Work
 from .elements import whole_line
 from .neighbor_work import NeighborWork, made, room, shares
-from .parameter_file import LARGE, read_parameter_file
+from .parameter_file import Rows, read_parameter_file
 from .registry import pair_style
 from .spline_meam import Spline, _spline, _stack
 
@@ -44,39 +44,23 @@ def read_local_density(path, where: str = "") -> list[LocalDensityPart]:
     """
     text = read_parameter_file(path, "local-density", where)
     # Two lines of comment; blank lines do not count.
-    lines = [(k, w) for k, line in enumerate(text.splitlines()[2:], 3) if (w := line.split())]
-    place = 0
-
-    def row(what, count=None, kind=float):
-        nonlocal place
-        if place >= len(lines):
-            raise AtcError(f"{path}: ends where {what} should follow: the file is cut off")
-        number, words = lines[place]
-        place += 1
-        try:
-            values = [kind(w) for w in words[:count]]
-        except ValueError:
-            values = []
-        if not values or (count and len(values) != count) or not all(abs(v) < LARGE for v in values):
-            raise AtcError(f"{path}:{number}: expected {what}, got {' '.join(words)!r}")
-        return values, f"{path}:{number}"
-
-    (parts, points), at = row("the number of potentials and of values", 2, int)
+    row = Rows(path, [(k, w) for k, line in enumerate(text.splitlines()[2:], 3) if (w := line.split())]).values
+    (parts, points), at = row("the number of potentials and of values", (int, int))
     if parts < 1 or points < 2:
         raise AtcError(f"{at}: expected one potential and two values or more, got {parts} and {points}")
     out = []
     for k in range(1, parts + 1):
-        (inner, outer), at = row(f"the cutoffs R1 and R2 of potential {k}", 2)
+        (inner, outer), at = row(f"the cutoffs R1 and R2 of potential {k}", (float, float))
         if not 0 <= inner < outer:
             raise AtcError(f"{at}: expected 0 <= R1 < R2, got {inner:g} and {outer:g}")
-        central, _ = row(f"the central types of potential {k}", None, int)
-        neighbors, _ = row(f"the neighbour types of potential {k}", None, int)
+        central, _ = row(f"the central types of potential {k}", int)
+        neighbors, _ = row(f"the neighbour types of potential {k}", int)
         if not all(1 <= t <= _MOST_TYPES for t in (*central, *neighbors)):
             raise AtcError(f"{at}: the atom types of potential {k} must be between 1 and {_MOST_TYPES}")
-        (low, high, _), at = row(f"rho_min, rho_max and drho of potential {k}", 3)
+        (low, high, _), at = row(f"rho_min, rho_max and drho of potential {k}", (float, float, float))
         if not low < high:
             raise AtcError(f"{at}: rho_max must be larger than rho_min")
-        F = np.array([row(f"a value of potential {k}", 1)[0][0] for _ in range(points)])
+        F = np.array([row(f"a value of potential {k}", (float,))[0][0] for _ in range(points)])
         spline = Spline(np.linspace(low, high, points), F, 0.0, 0.0)
         if spline.steep():
             raise AtcError(f"{at}: the values of potential {k} are too large, or its densities too close")
@@ -223,5 +207,5 @@ def _bonds(p0, p1, near, counted, shape, slope, out):
 def _local_density(inp):
     line = whole_line(inp, "pair_coeff * * <file>")
     if len(line.words) != 1:
-        raise inp.error(f"{inp.command} takes pair_coeff * * <file>, got {' '.join(line.words) or 'nothing'}", line)
+        raise inp.wrong(f"{inp.command} takes pair_coeff * * <file>", line)
     return LocalDensity.from_file(inp.path(line.words[0], line), units=inp.units, where=line.where)

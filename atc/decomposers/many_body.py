@@ -14,7 +14,7 @@ from ..units import Units
 from ..units import units as system
 from .autodiff import compiled
 from .base import Accumulator, Work
-from .cluster import ClusterTerm, _cluster_bonds, weights_of
+from .cluster import ClusterTerm, _cluster_bonds, first_not_finite, weights_of
 from .neighbor_work import NeighborWork, made, room, shares
 from .recording import batch_source
 
@@ -268,8 +268,7 @@ class ManyBody(ClusterTerm):
             with np.errstate(divide="ignore", invalid="ignore"):
                 G *= self.factor_q / Q
         U *= self.factor_U
-        bad = ~(np.isfinite(U) & np.isfinite(G).all(axis=1))
-        return int(np.argmax(bad)) if bad.any() else -1
+        return first_not_finite(U, G)
 
     def prepare(self, frame: Frame) -> Work:
         return _TupleWork(self, frame) if self.reach else super().prepare(frame)

@@ -58,18 +58,17 @@ class MEAM(Term):
         m = len(p.names)
         phi, step = meam_reference.tables(p)
         self.phi, self.per_dr = np.ascontiguousarray(spline(phi * energy)), 1.0 / (step * length)
-        self.rc, self.delr = float(p.rc * length), float(p.delr * length)
-        self.beta, self.t, self.rho0 = (np.ascontiguousarray(x, float) for x in (p.beta_ek, p.t_ek, p.rho0_e))
-        self.re = np.ascontiguousarray(p.re[np.arange(m), np.arange(m)] * length)
-        self.strength = p.A_e * p.Ec[np.arange(m), np.arange(m)] * energy
-        self.background = np.array([meam_reference.background(p, e) for e in range(m)])
-        self.ibar = p.ibar.astype(np.int64)
+        self.ending = rc, _ = float(p.rc * length), float(p.delr * length)
+        beta, t, rho0 = (np.ascontiguousarray(x, float) for x in (p.beta_ek, p.t_ek, p.rho0_e))
+        re, Ec = np.ascontiguousarray(np.diag(p.re) * length), np.diag(p.Ec)
+        background = np.array([meam_reference.background(p, e) for e in range(m)])
+        self.of_element = beta, t, rho0, re, p.A_e * Ec * energy, background, p.ibar.astype(np.int64)
         self.choices = int(p.ialloy), bool(p.emb_lin_neg), float(p.gsmooth_factor)
-        self.Cmin, self.Cmax = p.Cmin, p.Cmax
         # Where C = C_max, an ellipse around the pair, no point is farther from an end than this (squared, over d_ij²).
         C = max(float(p.Cmax.max()), 2.0)
-        self.bound = 0.25 * C * C / (C - 1.0)
-        self.cutoff = self.rc * self.bound**0.5
+        bound = 0.25 * C * C / (C - 1.0)
+        self.screen = p.Cmin, p.Cmax, bound
+        self.cutoff = rc * bound**0.5
 
     @classmethod
     def from_files(
@@ -113,35 +112,14 @@ class _MEAMWork(NeighborWork):
 
     def _screen(self, task, acc):
         term = self.term
-        self.partial[task] = screenings(
-            *self.pairs(task), self.lists, term.rc, term.Cmin, term.Cmax, term.bound, self.S
-        )
+        self.partial[task] = screenings(*self.pairs(task), self.lists, term.ending[0], term.screen, self.S)
 
     def _centres(self, task, acc):
         term = self.term
         out = room(acc, self.room, np.zeros)
-        m, energy = densities(
-            self.edges[task],
-            self.edges[task + 1],
-            self.most,
-            self.lists,
-            term.rc,
-            term.delr,
-            self.S,
-            term.beta,
-            term.t,
-            term.rho0,
-            term.re,
-            term.strength,
-            term.background,
-            term.ibar,
-            *term.choices,
-            self.G_end,
-            self.S_end,
-            self.dUdS,
-            out,
-            shares(acc),
-        )
+        atoms = self.edges[task], self.edges[task + 1], self.most, self.lists
+        ends = self.G_end, self.S_end, self.dUdS
+        m, energy = densities(*atoms, term.ending, self.S, term.of_element, *term.choices, ends, out, shares(acc))
         acc.energy += energy
         return made(acc, out, m)
 
@@ -149,23 +127,8 @@ class _MEAMWork(NeighborWork):
         term = self.term
         p0, p1 = self.pairs(task)
         out = room(acc, p1 - p0 + 2 * int(self.partial[task]))
-        bounds = term.Cmin, term.Cmax, term.bound
-        m, energy, bad = merge(
-            p0,
-            p1,
-            self.lists,
-            term.rc,
-            term.delr,
-            *bounds,
-            term.phi,
-            term.per_dr,
-            self.S,
-            self.dUdS,
-            self.G_end,
-            self.S_end,
-            out,
-            shares(acc),
-        )
+        ends, phi = (self.G_end, self.S_end, self.dUdS), (term.phi, term.per_dr)
+        m, energy, bad = merge(p0, p1, self.lists, term.ending, term.screen, phi, self.S, ends, out, shares(acc))
         self.require_finite(bad)
         acc.energy += energy
         return made(acc, out, m)

@@ -11,58 +11,24 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from .parameter_file import LARGE, read_parameter_file, units_tag
+from .parameter_file import LARGE, read_parameter_file, same_units
 
 LATTICES = ("fcc", "bcc", "hcp", "dia", "sc", "dim", "b1", "b2", "l12")
-_LIBRARY = (
-    "z",
-    "ielement",
-    "atwt",
-    "alpha",
-    "b0",
-    "b1",
-    "b2",
-    "b3",
-    "alat",
-    "esub",
-    "asub",
-    "t0",
-    "t1",
-    "t2",
-    "t3",
-    "rozero",
-    "ibar",
-)
+_LIBRARY = tuple("z ielement atwt alpha b0 b1 b2 b3 alat esub asub t0 t1 t2 t3 rozero ibar".split())
 _WORDS = 2 + len(_LIBRARY)
 # LAMMPS's default skin in Å: its screening looks at the neighbours within rc and this.
 _SKIN = 2.0
 _FORMS = (-5, 0, 1, 3, 4)
-_NAMES_OF_SCALARS = (
-    "rc",
-    "delr",
-    "gsmooth_factor",
-    "augt1",
-    "ialloy",
-    "mixture_ref_t",
-    "erose_form",
-    "emb_lin_neg",
-    "bkgd_dyn",
-)
+_NAMES_OF_SCALARS = tuple("rc delr gsmooth_factor augt1 ialloy mixture_ref_t erose_form emb_lin_neg bkgd_dyn".split())
 _INDICES = {"rho0": 1, "Cmin": 3, "Cmax": 3} | dict.fromkeys(
     ("Ec", "delta", "alpha", "re", "lattce", "nn2", "attrac", "repuls", "zbl"), 2
 )
 _LINE = re.compile(r"^(\w+)\s*(?:\(([^()]*)\))?\s*=\s*(.*)$")
 #: Nearest-neighbour distance over lattice constant.
 _NEAREST = {
-    "fcc": 0.5**0.5,
-    "bcc": 0.75**0.5,
-    "dia": 0.1875**0.5,
-    "hcp": 1.0,
-    "dim": 1.0,
-    "sc": 1.0,
-    "b1": 0.5,
+    "fcc": 0.5**0.5, "bcc": 0.75**0.5, "dia": 0.1875**0.5, "hcp": 1.0, "dim": 1.0, "sc": 1.0, "b1": 0.5,
     "b2": 0.75**0.5,
-}
+}  # fmt: skip
 
 
 @dataclass
@@ -143,7 +109,7 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     AtcError for missing or malformed files, unknown keywords, what is not supported (see `atc.decomposers.meam.MEAM`).
     """
     text = read_parameter_file(library, "MEAM library", where)
-    _same_units(text, library, units_name)
+    same_units(text, units_name, library, "MEAM")
     known = library_elements(text, library)
     rows, lat = [], []
     for name in names:
@@ -169,16 +135,9 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
             raise AtcError(f"{at}: z is {v['z'][e]:g}, but atoms of {lat[e]} have another number of neighbours")
     own: dict[str, dict] = {k: {} for k in _INDICES}
     scalars = {
-        "rc": 4.0,
-        "delr": 0.1,
-        "gsmooth_factor": 99.0,
-        "augt1": 1,
-        "ialloy": 0,
-        "mixture_ref_t": 0,
-        "erose_form": 0,
-        "emb_lin_neg": 0,
-        "bkgd_dyn": 0,
-    }
+        "rc": 4.0, "delr": 0.1, "gsmooth_factor": 99.0, "augt1": 1, "ialloy": 0, "mixture_ref_t": 0, "erose_form": 0,
+        "emb_lin_neg": 0, "bkgd_dyn": 0,
+    }  # fmt: skip
     if parameters is not None:
         _read_settings(parameters, m, own, scalars, units_name, where)
     source = parameters or library
@@ -266,14 +225,6 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     )
 
 
-def _same_units(text, path, units_name):
-    if units_tag(text) not in (None, units_name):
-        raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
-            "convert MEAM files"
-        )
-
-
 def _lattice(word, at) -> str:
     word = word.lower()
     if word not in LATTICES:
@@ -299,7 +250,7 @@ def _numbers(words, at) -> list[float]:
 
 def _read_settings(path, m, own, scalars, units_name, where):
     text = read_parameter_file(path, "MEAM parameter", where)
-    _same_units(text, path, units_name)
+    same_units(text, units_name, path, "MEAM")
     # What is given for (J, I), J > I, LAMMPS reads and never uses, but for nn2 and zbl.
     ignored: dict[tuple, tuple[str, str, str]] = {}
     for number, line in enumerate(text.splitlines(), 1):

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import njit
-from .embedded_atom import _place
-from .neighborhood import around
+from .embedded_atom import _place, cubic
+from .neighborhood import around, share_half
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -45,9 +45,10 @@ def _factor(u, v, w, low, high):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def screenings(p0, p1, near, rc, Cmin, Cmax, bound, S):
+def screenings(p0, p1, near, rc, screen, S):
     """S of the pairs p0..p1, without cutoff (0 from rc on). Returns how many triples screen partially."""
     start, pair, end, a, b, r, d, element, _ = near
+    Cmin, Cmax, bound = screen
     partial = 0
     for p in range(p0, p1):
         S[p] = 0.0
@@ -103,33 +104,12 @@ def _g(gamma, ibar, smooth):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def densities(
-    s0,
-    s1,
-    most,
-    near,
-    rc,
-    delr,
-    S,
-    beta,
-    t,
-    rho0,
-    re,
-    strength,
-    background,
-    ibar,
-    ialloy,
-    linear,
-    smooth,
-    G_end,
-    S_end,
-    dUdS,
-    out,
-    energies,
-):
+def densities(s0, s1, most, near, ending, S, atoms, ialloy, linear, smooth, ends, out, energies):
     """Embedding energies of the atoms s0..s1; G of the arms, ∂U/∂S of the pairs at each end, outer bonds. Returns their
     number and the energy."""
     start, pair, end, _, _, _, _, element, atom = near
+    (rc, delr), (beta, t, rho0, re, strength, background, ibar) = ending, atoms
+    G_end, S_end, dUdS = ends
     out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
@@ -269,13 +249,14 @@ def densities(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge(p0, p1, near, rc, delr, Cmin, Cmax, bound, phi, per_dr, S, dUdS, G_end, S_end, out, energies):
+def merge(p0, p1, near, ending, screen, pair_table, S, ends, out, energies):
     """Pair energies and bonds of the pairs p0..p1, and bonds to the atoms that screen them. Returns their number, the
     energy, the first bad pair (−1)."""
     start, pair, end, a, b, r, d, element, atom = near
+    (rc, delr), (Cmin, Cmax, bound), (phi, per_dr) = ending, screen, pair_table
+    G_end, S_end, dUdS = ends
     out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
-    shared = len(energies) > 0
     points = phi.shape[2] - 1
     total = 0.0
     m = 0
@@ -286,19 +267,15 @@ def merge(p0, p1, near, rc, delr, Cmin, Cmax, bound, phi, per_dr, S, dUdS, G_end
         s, t = a[p], b[p]
         es, et = element[s], element[t]
         row, x = _place(d[p], per_dr, points)
-        c = phi[es, et, row]
+        value, by_d = cubic(phi[es, et, row], x, per_dr)
         f, slope = _smooth((rc - d[p]) / delr)
-        value = ((c[0] * x + c[1]) * x + c[2]) * x + c[3]
-        u = value * f
-        du = ((3.0 * c[0] * x + 2.0 * c[1]) * x + c[2]) * per_dr * f - value * slope / delr
+        u, du = value * f, by_d * f - value * slope / delr
         own = S[p] * du / d[p]
         g = own + G_end[p, 0] + G_end[p, 1]
         if not np.isfinite(g + u):
             return 0, 0.0, p
         total += S[p] * u
-        if shared:
-            energies[atom[s]] += 0.5 * S[p] * u
-            energies[atom[t]] += 0.5 * S[p] * u
+        share_half(energies, atom[s], atom[t], S[p] * u)
         # The shares' derivatives by S, times S: what the factors' logarithmic derivatives want.
         qa, qb = S[p] * (dUdS[p, 0] + 0.5 * u), S[p] * (dUdS[p, 1] + 0.5 * u)
         own_slot = m

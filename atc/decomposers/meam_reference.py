@@ -11,16 +11,10 @@ _POINTS = 1000
 #: First neighbours; ratio of the second neighbours' distance; how many; how many atoms screen one of them, the place of
 #: those over the square of the distance.
 _STRUCTURES = {
-    "fcc": (12, 2.0**0.5, 6, 4),
-    "hcp": (12, 2.0**0.5, 6, 4),
-    "bcc": (8, 2.0 / 3.0**0.5, 6, 4),
-    "dia": (4, (8.0 / 3.0) ** 0.5, 12, 1),
-    "b1": (6, 2.0**0.5, 12, 2),
-    "b2": (8, 2.0 / 3.0**0.5, 6, 4),
-    "l12": (12, 2.0**0.5, 6, 4),
-    "dim": (1, 1.0, 0, 0),
-    "sc": (6, 2.0**0.5, 12, 2),
-}
+    "fcc": (12, 2.0**0.5, 6, 4), "hcp": (12, 2.0**0.5, 6, 4), "bcc": (8, 2.0 / 3.0**0.5, 6, 4),
+    "dia": (4, (8.0 / 3.0) ** 0.5, 12, 1), "b1": (6, 2.0**0.5, 12, 2), "b2": (8, 2.0 / 3.0**0.5, 6, 4),
+    "l12": (12, 2.0**0.5, 6, 4), "dim": (1, 1.0, 0, 0), "sc": (6, 2.0**0.5, 12, 2),
+}  # fmt: skip
 #: Structures in which second neighbours are pairs of one element.
 _ALLOYS = ("b1", "b2", "dia", "l12")
 #: Σ_jk over first neighbours of cos, cos² − 1/3, cos³ − 3/5 cos.

@@ -20,7 +20,7 @@ def _custom(inp, line, at: int):
             line,
         )
     if line.words[at : at + 1] != ("custom",):
-        raise inp.error(f"{inp.kind}_coeff of mesocnt: expected custom, got {' '.join(line.words) or 'nothing'}", line)
+        raise inp.wrong(f"{inp.kind}_coeff of mesocnt: expected custom", line)
     return line.words[at + 1 :]
 
 
@@ -55,21 +55,19 @@ class MesoAngle(AngleStyle):
 
 @bond_style("mesocnt")
 def _bond(inp):
-    values = {}
-    for line in inp.coeffs:
-        numbers = inp.numbers(_custom(inp, line, 0), [(w, f(inp.units)) for w, f in MesoBond.wants], line)
-        values |= {t: numbers for (t,) in line.covers(inp.n_types)}
-    return MesoBond._from_input(values, inp)
+    wants = MesoBond.wanted(inp.units)
+    return MesoBond._from_input(inp.by_type(lambda line: inp.numbers(_custom(inp, line, 0), wants, line)), inp)
 
 
 @angle_style("mesocnt")
 def _angle(inp):
-    values = {}
-    for line in inp.coeffs:
+    wants = MesoAngle.wanted(inp.units)
+
+    def read(line):
         mode = line.words[0] if line.words else ""
         if mode not in ("harmonic", "buckling"):
             raise inp.error(f"angle_coeff of mesocnt: expected harmonic or buckling, got {mode or 'nothing'}", line)
-        wants = [(w, f(inp.units)) for w, f in MesoAngle.wants]
         numbers = inp.numbers(_custom(inp, line, 1), wants if mode == "buckling" else wants[:1], line)
-        values |= {t: numbers if mode == "buckling" else (numbers[0], 0.0, np.inf) for (t,) in line.covers(inp.n_types)}
-    return MesoAngle._from_input(values, inp)
+        return numbers if mode == "buckling" else (numbers[0], 0.0, np.inf)
+
+    return MesoAngle._from_input(inp.by_type(read), inp)

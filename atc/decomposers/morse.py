@@ -94,13 +94,9 @@ class MOMB(RadialStyle):
 
     name = "momb"
     numbers = (
-        *Morse.numbers[:3],
-        ("c6", {"energy": 1, "length": 6}),
-        ("rr", "length"),
-        ("s6", "dimensionless"),
-        ("damping", "dimensionless"),
-        Morse.numbers[3],
-    )
+        *Morse.numbers[:3], ("c6", {"energy": 1, "length": 6}), ("rr", "length"), ("s6", "dimensionless"),
+        ("damping", "dimensionless"), Morse.numbers[3],
+    )  # fmt: skip
 
     def columns(self, d0, alpha, r0, c6, rr, s6, damping, cutoff):
         return d0, alpha, r0, s6 * c6, damping / rr, damping
@@ -124,7 +120,6 @@ one_cutoff(Pedone)
 @pair_style("momb")
 def _momb_style(inp: StyleInput):
     rc, s6, damping = inp.numbers(inp.args, [("cutoff", "length"), ("s6", "dimensionless"), ("d", "dimensionless")])
-    d0, alpha, r0, c6, rr, cutoff = pair_values(inp, (*MOMB.numbers[:5], MOMB.numbers[-1]), optional=1, defaults=[rc])
-    return MOMB.internal(
-        d0, alpha, r0, c6, rr, np.full_like(d0, s6), np.full_like(d0, damping), cutoff, shift=inp.modify.shift
-    )
+    *each, cutoff = pair_values(inp, (*MOMB.numbers[:5], MOMB.numbers[-1]), optional=1, defaults=[rc])
+    same = (np.full_like(cutoff, v) for v in (s6, damping))
+    return MOMB.internal(*each, *same, cutoff, shift=inp.modify.shift)

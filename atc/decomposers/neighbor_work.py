@@ -145,21 +145,9 @@ class TripletWork(Work):
         """Bonds between the outer atoms; arms into G_end and S_end."""
         term, out = self.term, room(acc, self.room, without=None)
         lists = self.out_start, self.in_start, self.in_pair, self.a, self.b, self.rec, self.element, self.atom
-        m, energy, odd = sw_triplets(
-            term.angular,
-            self.runs[task],
-            self.runs[task + 1],
-            self.most,
-            lists,
-            term.triplet,
-            term.prune,
-            *term.weights,
-            self.G_end,
-            self.S_end,
-            out[:4],
-            out[4],
-            shares(acc),
-        )
+        runs, law = self.runs[task : task + 2], (term.triplet, term.prune, *term.weights)
+        where = term.angular, *runs, self.most, lists
+        m, energy, odd = sw_triplets(*where, *law, self.G_end, self.S_end, out[:4], out[4], shares(acc))
         acc.energy += energy
         acc.note(ODD.get(term.angular, ""), odd)
         return made(acc, out, m)

@@ -101,6 +101,14 @@ def runs_of(start, limit):
     return np.array(edges), most, room
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def share_half(energies, i, j, u):
+    """The energy of a pair, half to each atom, if anybody asked."""
+    if len(energies) > 0:
+        energies[i] += 0.5 * u
+        energies[j] += 0.5 * u
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def around(s, near, who, arm, dist):
     """The neighbours of atom s: their names, x_s − x_k and distances into who, arm, dist. Returns how many. near : as

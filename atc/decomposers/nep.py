@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Frame
 from ..units import units as system
 from .base import Potential
@@ -136,31 +136,11 @@ class NEP(Edges):
 
     def centres(self, work, task, g_end, energies) -> float:
         file = self.model
-        return centres(
-            *work.atoms(task),
-            work.near.most(task)[0],
-            work.lists,
-            file.rc_radial,
-            file.rc_angular,
-            self.c_radial,
-            self.c_angular,
-            file.l_max,
-            self.norm,
-            self.abc,
-            self.C,
-            self.which,
-            self.fifth,
-            len(file.many),
-            self.w0,
-            file.b0_th,
-            file.w1_th,
-            self.b1,
-            self.core,
-            self.length,
-            self.energy,
-            g_end,
-            energies,
-        )
+        radial, angular = (file.rc_radial, self.c_radial), (file.rc_angular, self.c_angular)
+        invariants = file.l_max, self.norm, self.abc, self.C, self.which, self.fifth, len(file.many)
+        network, units = (self.w0, file.b0_th, file.w1_th, self.b1), (self.length, self.energy)
+        around = *work.atoms(task), work.near.most(task)[0], work.lists
+        return centres(*around, radial, angular, invariants, network, self.core, units, g_end, energies)
 
 
 def _core(file: NEPFile, where: str) -> np.ndarray:
@@ -209,10 +189,8 @@ def _nep_style(inp):
 
 
 def _read_here(path, where) -> NEPFile:
-    try:
+    with located(where):
         return read_nep(path)
-    except AtcError as e:
-        raise AtcError(f"{where}: {e}") from None
 
 
 def nep(path, types=None, reference=None) -> Potential:

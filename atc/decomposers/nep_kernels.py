@@ -144,40 +144,18 @@ def screened(d, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def centres(
-    s0,
-    s1,
-    most,
-    near,
-    rc_radial,
-    rc_angular,
-    c_radial,
-    c_angular,
-    l_max,
-    norm,
-    abc,
-    C,
-    which,
-    fifth,
-    n_many,
-    w0,
-    b0,
-    w1,
-    b1,
-    core,
-    length,
-    energy,
-    g_end,
-    energies,
-):
+def centres(s0, s1, most, near, radial, angular, invariants, network, core, units, g_end, energies):
     """U of the atoms s0..s1; into g_end[pair, side] the gradient of the energy of the atom at that side by the vector
     from it to the other one.
 
-    c_radial, c_angular : (t, t, k, n). abc, C : terms C s_a s_b s_c of invariants number `which`; fifth : the number of
-    (Σ s_1m²)², −1 if there is none. core : (t, t, 11) rows of `screened`, (0, 0, 11) if there is none. length, energy :
-    Å and eV
+    radial, angular : cutoffs (t, t) and c (t, t, k, n). invariants : l_max, norm, and abc, C: terms C s_a s_b s_c of
+        invariants number `which`; fifth: the number of (Σ s_1m²)², −1 if there is none; n_many
+    network : w0, b0, w1, b1. core : (t, t, 11) rows of `screened`, (0, 0, 11) if there is none. units : Å and eV
     """
     start, pair, end, _, _, _, _, element, atom = near
+    (rc_radial, c_radial), (rc_angular, c_angular), (length, energy) = radial, angular, units
+    l_max, norm, abc, C, which, fifth, n_many = invariants
+    w0, b0, w1, b1 = network
     t, _, k_radial, n_radial = c_radial.shape
     k_angular, n_angular = c_angular.shape[2:]
     n_lm = (l_max + 1) ** 2 - 1

@@ -66,21 +66,8 @@ class _OneFourWork(ClusterWork):
         term, f = self.term, self.frame
         c = term.coefficients
         G[:] = 0.0
-        return _ends(
-            x,
-            f.types,
-            f.charges,
-            atoms,
-            term.scale[types],
-            c.a,
-            c.c,
-            c.constant,
-            term.form,
-            c.offset,
-            c.inverse_cutoff,
-            U,
-            G,
-        )
+        coefficients = c.a, c.c, c.constant, term.form, c.offset, c.inverse_cutoff
+        return _ends(x, f.types, f.charges, atoms, term.scale[types], coefficients, U, G)
 
 
 def one_four_terms(terms: list[Term]) -> list[Term]:
@@ -120,8 +107,9 @@ def _charmm_torsions(term: Term) -> list[CharmmTorsion]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _ends(x, types, q, atoms, weight, a, c, constant, form, offset, inverse_cutoff, U, G):
+def _ends(x, types, q, atoms, weight, coefficients, U, G):
     """U (m,) and G of the pair 14 (the third of six); the first pair that is not finite, or −1."""
+    a, c, constant, form, offset, inverse_cutoff = coefficients
     for t in range(len(U)):
         i, j = atoms[t, 0], atoms[t, 3]
         ti, tj = types[i], types[j]

@@ -39,14 +39,21 @@ def pair_values(inp: StyleInput, wants, *, optional: int = 0, defaults=(), mix=N
     Pairs that are not wanted hold zeros. The last array is always the cutoff, by this project's convention, so that 0
     there means no interaction.
     """
-    given: dict[tuple[int, int], tuple] = {}
-    for line in inp.coeffs:
+    k = len(wants) - optional
+
+    def read(line):
         values = inp.numbers(line.words, wants, line, optional)
-        k = len(wants) - optional
-        values = tuple(values[:k]) + tuple(d if v is None else v for v, d in zip(values[k:], defaults, strict=True))
-        for pair in line.covers(inp.n_types):
-            given[pair] = values
-    return fill(inp, given, len(wants), mix)
+        return (*values[:k], *(d if v is None else v for v, d in zip(values[k:], defaults, strict=True)))
+
+    return fill(inp, inp.by_pair(read), len(wants), mix)
+
+
+def one_cutoff_each(inp: StyleInput, cutoff: float, own: bool = True) -> np.ndarray:
+    """(n + 1, n + 1) cutoffs of a style whose lines say nothing but, if they may say their `own`, the cutoff."""
+    mix = lambda a, b, rule: (mix_distance(a[0], b[0], rule) if own else cutoff,)  # noqa: E731
+    for line in inp.coeffs if not own else ():
+        inp.numbers(line.words, [], line)
+    return pair_values(inp, [("cutoff", "length")], optional=1, defaults=[cutoff], mix=mix)[0]
 
 
 def fill(inp: StyleInput, given: dict, width: int, mix=None) -> list[np.ndarray]:
@@ -68,17 +75,10 @@ def fill(inp: StyleInput, given: dict, width: int, mix=None) -> list[np.ndarray]
                         f"zero); add 'pair_coeff {i} {j} ...'"
                     )
             if values is None:
-                how = (
-                    f"and types {i} and {j} cannot be mixed since one of them has none with itself"
-                    if mix
-                    else f"and {inp.name} does not mix"
-                )
-                missing = f"types {i} and {j}"
-                if i == j:
-                    how = ""
+                how = f", and types {i} and {j} cannot be mixed since one of them has none with itself"
+                how = "" if i == j else how if mix else f", and {inp.name} does not mix"
                 raise inp.error(
-                    f"{inp.command}: no pair_coeff for {missing}{', ' + how if how else ''}; add 'pair_coeff {i} {j} "
-                    "...'"
+                    f"{inp.command}: no pair_coeff for types {i} and {j}{how}; add 'pair_coeff {i} {j} ...'"
                 )
             out[:, i, j] = out[:, j, i] = values
     return list(out)
@@ -87,13 +87,8 @@ def fill(inp: StyleInput, given: dict, width: int, mix=None) -> list[np.ndarray]
 def named(inp: StyleInput) -> np.ndarray:
     """(n + 1, n + 1): 1 for the pairs of types that coefficient lines without numbers name: all, as soon as each type
     is named with itself."""
-    given = {}
-    for line in inp.coeffs:
-        inp.numbers(line.words, [], line)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (1.0,)
-    (on,) = fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))
-    return on
+    given = inp.by_pair(lambda line: (*inp.numbers(line.words, [], line), 1.0))
+    return fill(inp, given, 1, mix=lambda a, b, rule: (1.0,))[0]
 
 
 def as_matrix(value, n_types: int, factor: float = 1.0) -> np.ndarray:

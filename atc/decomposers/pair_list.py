@@ -8,6 +8,7 @@ from ..errors import AtcError
 from ..frame import Frame
 from ..readers.whole import whole_text
 from .base import Accumulator
+from .bonded import first_true
 from .cluster import ClusterTerm
 from .registry import StyleInput, pair_style
 
@@ -41,11 +42,8 @@ class ListedPairs(ClusterTerm):
     unweighted = True
 
     def __init__(self, ids, forms, numbers, cutoffs, where="list"):
-        self.ids, self.forms, self.where = (
-            np.asarray(ids, np.int64).reshape(-1, 2),
-            np.asarray(forms, dtype=object),
-            where,
-        )
+        self.ids, self.forms = np.asarray(ids, np.int64).reshape(-1, 2), np.asarray(forms, dtype=object)
+        self.where = where
         self.numbers, self.cutoffs = np.asarray(numbers, float).reshape(-1, 4), np.asarray(cutoffs, float)
 
     def describe(self) -> str:
@@ -74,8 +72,7 @@ class ListedPairs(ClusterTerm):
                 if len(b):
                     u, du = _FORMULA[form](d[b], *p[b].T)
                     U[b], G[b, 0] = u, du / d[b]
-        bad = np.flatnonzero(~np.isfinite(U + G[:, 0]))
-        return int(bad[0]) if len(bad) else -1
+        return first_true(~np.isfinite(U + G[:, 0]))
 
 
 def _lj(d, epsilon, sigma, *_):
@@ -103,9 +100,7 @@ _FORMULA = {"lj126": _lj, "morse": _morse, "harmonic": _harmonic, "quartic": _qu
 @pair_style("list")
 def _list_style(inp: StyleInput):
     if not 2 <= len(inp.args) <= 3 or (len(inp.args) == 3 and inp.args[2] not in ("check", "nocheck")):
-        raise inp.error(
-            f"{inp.command} takes a file, a cutoff and [check or nocheck], got {' '.join(inp.args) or 'nothing'}"
-        )
+        raise inp.wrong(f"{inp.command} takes a file, a cutoff and [check or nocheck]")
     if inp.modify.shift:
         raise inp.error(
             f"{inp.command}: pair_modify shift yes is not supported for listed pairs: set it for the other sub-styles "

@@ -72,6 +72,38 @@ def units_tag(text: str) -> str | None:
     return words[words.index("UNITS:") + 1] if "UNITS:" in words[:-1] else None
 
 
+def same_units(text: str, wanted: str, path, what: str) -> None:
+    """Of files that LAMMPS takes as they are: raise AtcError if this one says that it is in other units."""
+    if units_tag(text) not in (None, wanted):
+        raise AtcError(
+            f"{path}: this file is in {units_tag(text)!r} units and the model in {wanted!r}: LAMMPS does not convert "
+            f"{what} files"
+        )
+
+
+class Rows:
+    """The lines of a file, as words, taken one by one."""
+
+    def __init__(self, path, lines: list[tuple[int, list[str]]]):
+        self.path, self.lines, self.place = path, lines, 0
+
+    def values(self, what: str, kinds) -> tuple[list, str]:
+        """The numbers (or names) that the next line begins with, one of each of `kinds` (or all it has, of one kind),
+        and where it stands."""
+        if self.place >= len(self.lines):
+            raise AtcError(f"{self.path}: ends where {what} should follow: the file is cut off")
+        number, words = self.lines[self.place]
+        self.place += 1
+        kinds = kinds if isinstance(kinds, tuple) else (kinds,) * len(words)
+        try:
+            values = [kind(w) for kind, w in zip(kinds, words, strict=len(words) < len(kinds))]
+        except ValueError:
+            values = []
+        if not values or not all(abs(v) < LARGE for v in values if not isinstance(v, str)):
+            raise AtcError(f"{self.path}:{number}: expected {what}, got {' '.join(words)!r}")
+        return values, f"{self.path}:{number}"
+
+
 def energy_conversion(text: str, wanted: str, path) -> float:
     """What energies of a file are multiplied with to be in `wanted` units: 1 unless its tag says metal or real and the
     other is wanted."""
@@ -85,8 +117,7 @@ def energy_conversion(text: str, wanted: str, path) -> float:
     else:
         raise AtcError(
             f"{path}: this file is in {has!r} units (its UNITS: tag) and the model in {wanted!r}: only metal and real "
-            "convert into each other; "
-            f"use a file in {wanted!r} units"
+            f"convert into each other; use a file in {wanted!r} units"
         )
     warnings.warn(f"{path}: energies converted from {has} to {wanted} units, as LAMMPS does", AtcWarning, stacklevel=4)
     return factor
@@ -103,11 +134,8 @@ def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict
     units that cannot be converted.
     """
     text = read_parameter_file(path, kind.what, where)
-    if not kind.converts and units_tag(text) not in (None, units_name):
-        raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
-            f"convert {kind.what} files"
-        )
+    if not kind.converts:
+        same_units(text, units_name, path, kind.what)
     factor = energy_conversion(text, units_name, path)
     entries: dict[tuple, object] = {}
     keys = kind.keys()

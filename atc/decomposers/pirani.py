@@ -19,13 +19,9 @@ class Pirani(RadialStyle):
 
     name = "lj/pirani"
     numbers = (
-        ("alpha", _PLAIN),
-        ("beta", _PLAIN),
-        ("gamma", _PLAIN),
-        ("rm", "length"),
-        ("epsilon", "energy"),
+        ("alpha", _PLAIN), ("beta", _PLAIN), ("gamma", _PLAIN), ("rm", "length"), ("epsilon", "energy"),
         ("cutoff", "length"),
-    )
+    )  # fmt: skip
 
     @pair_law
     def law(d2, alpha, beta, gamma, rm, epsilon):

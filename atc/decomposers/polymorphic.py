@@ -14,11 +14,10 @@ from ..units import Units
 from ..units import units as system
 from .centred import Centred
 from .cluster import weights_of
-from .elements import ElementMap, mapped_line, require_known
-from .embedded_atom import spline
-from .neighborhood import around, between_neighbors
-from .parameter_file import LARGE, read_parameter_file, units_tag
-from .registry import MAPPED_STYLES, pair_style
+from .elements import ElementMap, mapped_style, require_known
+from .embedded_atom import cubic, spline
+from .neighborhood import around, between_neighbors, share_half
+from .parameter_file import LARGE, Rows, read_parameter_file, same_units
 from .tersoff import _PAIR
 
 
@@ -49,28 +48,10 @@ def read_polymorphic(path, units_name: str = "metal", where: str = "") -> Polymo
     AtcError for a missing, malformed or truncated file.
     """
     text = read_parameter_file(path, "polymorphic", where)
-    if units_tag(text) not in (None, units_name):
-        raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
-            "convert polymorphic files"
-        )
+    same_units(text, units_name, path, "polymorphic")
     lines = [(k, w) for k, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
-    place = 0
-
-    def row(what, kinds):
-        nonlocal place
-        if place >= len(lines):
-            raise AtcError(f"{path}: ends where {what} should follow: the file is cut off")
-        number, words = lines[place]
-        place += 1
-        try:
-            values = [kind(w) for kind, w in zip(kinds, words, strict=len(words) < len(kinds))]
-        except ValueError:
-            values = []
-        if not values or not all(abs(v) < LARGE for v in values if not isinstance(v, str)):
-            raise AtcError(f"{path}:{number}: expected {what}, got {' '.join(words)!r}")
-        return values, f"{path}:{number}"
-
+    rows = Rows(path, lines)
+    row = rows.values
     (m, eta), at = row("the number of elements and eta", (int, int))
     if not 1 <= m <= 100:
         raise AtcError(f"{at}: the number of elements must be between 1 and 100, got {m}")
@@ -86,7 +67,7 @@ def read_polymorphic(path, units_name: str = "metal", where: str = "") -> Polymo
             raise AtcError(f"{at}: a cutoff must be positive, got {c:g}")
         cut[i, j] = cut[j, i] = c
         xi[i, j] = xi[j, i] = x
-    words = [w for _, line in lines[place:] for w in line]
+    words = [w for _, line in lines[rows.place :] for w in line]
     triples = m**3
     count = len(order) * (3 * nr + nx) + triples * ntheta + (triples if eta == 3 else len(order)) * nr
     if len(words) < count:
@@ -96,7 +77,9 @@ def read_polymorphic(path, units_name: str = "metal", where: str = "") -> Polymo
     except ValueError:
         values = np.array([np.nan])
     if not (np.abs(values) < LARGE).all():
-        raise AtcError(f"{path}: the tables (from line {lines[place][0]}) hold something that is not a finite number")
+        raise AtcError(
+            f"{path}: the tables (from line {lines[rows.place][0]}) hold something that is not a finite number"
+        )
     used = 0
 
     def take(n):
@@ -157,11 +140,8 @@ class Polymorphic(Centred):
         self.cut, self.xi = t.cut_ee * length, t.xi_ee
         self.cutoff = float(self.cut.max())
         self.per_r = (nr - 1) / self.cut
-        self.per_p, self.per_g, self.per_x = (
-            (nr - 1) / (2.0 * self.cutoff),
-            (t.G.shape[-1] - 1) / 2.0,
-            (t.F.shape[-1] - 1) / t.xmax,
-        )
+        self.per_p = (nr - 1) / (2.0 * self.cutoff)
+        self.per_g, self.per_x = (t.G.shape[-1] - 1) / 2.0, (t.F.shape[-1] - 1) / t.xmax
         self.U, self.F = np.ascontiguousarray(spline(t.U * energy)), np.ascontiguousarray(spline(t.F * energy))
         self.V, self.W, self.P, self.G = (np.ascontiguousarray(spline(x)) for x in (t.V, t.W, t.P, t.G))
 
@@ -200,8 +180,7 @@ def _at(table, x, per_step):
     p = x * per_step + 1.0
     m = max(1, min(int(p + 0.5), table.shape[0] - 1))
     p -= m
-    c = table[m]
-    return ((c[0] * p + c[1]) * p + c[2]) * p + c[3], ((3.0 * c[0] * p + 2.0 * c[1]) * p + c[2]) * per_step
+    return cubic(table[m], p, per_step)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -217,9 +196,7 @@ def _pairs(p0, p1, near, cut, per_r, U, G, energies):
         if not np.isfinite(G[p] + u):
             return 0.0, p
         total += u
-        if len(energies) > 0:
-            energies[atom[a[p]]] += 0.5 * u
-            energies[atom[b[p]]] += 0.5 * u
+        share_half(energies, atom[a[p]], atom[b[p]], u)
     return total, -1
 
 
@@ -329,10 +306,4 @@ def _centres(s0, s1, most, near, eam, cut, xi, r_max, steps, tables, weights, G_
     return n, total
 
 
-MAPPED_STYLES.add("polymorphic")
-
-
-@pair_style("polymorphic")
-def _polymorphic(inp):
-    path, elements, line = mapped_line(inp, ".poly")
-    return Polymorphic.from_file(path, elements, units=inp.units, where=line.where)
+mapped_style("polymorphic", ending=".poly", read=Polymorphic.from_file)

@@ -200,30 +200,26 @@ def check_lines(inp: StyleInput, wants, check, optional: int = 1) -> None:
     if check is None:
         return
     for line in inp.coeffs:
-        wrong = check(*inp.numbers(line.words, wants, line, optional))
-        if wrong:
-            raise inp.error(f"{inp.command}: {wrong}, got {' '.join(line.words)}", line)
+        inp.require(check(*inp.numbers(line.words, wants, line, optional)), line)
 
 
 def several_cutoffs(inp: StyleInput, wants, defaults, mix=None, check=None) -> list[np.ndarray]:
     """As `pair_values`, where a line gives the last ``len(defaults)`` numbers all or not at all."""
-    given = {}
     least = len(wants) - len(defaults)
-    for line in inp.coeffs:
+
+    def read(line):
         if least < len(line.words) < len(wants):
-            raise inp.error(
+            raise inp.wrong(
                 f"pair_coeff of {inp.name} takes {' '.join(w for w, _ in wants[:least])}, and then all or none of "
-                f"{' '.join(w for w, _ in wants[least:])}, got {' '.join(line.words)}",
+                f"{' '.join(w for w, _ in wants[least:])}",
                 line,
             )
         values = inp.numbers(line.words, wants, line, optional=len(defaults))
         values = (*values[:least], *(d if v is None else v for v, d in zip(values[least:], defaults, strict=True)))
-        wrong = check(*values) if check is not None else None
-        if wrong:
-            raise inp.error(f"{inp.command}: {wrong}, got {' '.join(line.words)}", line)
-        for pair in line.covers(inp.n_types):
-            given[pair] = values
-    return fill(inp, given, len(wants), mix)
+        inp.require(check(*values) if check is not None else None, line)
+        return values
+
+    return fill(inp, inp.by_pair(read), len(wants), mix)
 
 
 def inner_below_outer(inner: float, outer: float, what: str = "") -> str | None:
@@ -238,9 +234,7 @@ def inner_outer(cls, *, mix=None, name=None):
 
     def build(inp: StyleInput):
         cutoffs = inp.numbers(inp.args, [("inner cutoff", _LENGTH), ("outer cutoff", _LENGTH)])
-        wrong = inner_below_outer(*cutoffs)
-        if wrong:
-            raise inp.error(f"{inp.command}: {wrong}, got {' '.join(inp.args)}")
+        inp.require(inner_below_outer(*cutoffs))
         arrays = several_cutoffs(inp, cls.numbers, cutoffs, mix, check=lambda *v: inner_below_outer(*v[-2:]))
         return cls.internal(*arrays, shift=inp.modify.shift)
 

@@ -46,14 +46,9 @@ def _fold(op: str, plain):
 
 
 _MATH_NAMES = {
-    "asin": "arcsin",
-    "acos": "arccos",
-    "atan": "arctan",
-    "atan2": "arctan2",
-    "fabs": "abs",
-    "hypot": "hypot",
+    "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "fabs": "abs", "hypot": "hypot",
     "pow": "pow",
-}
+}  # fmt: skip
 _FUNCTIONS = {
     n: _function(_MATH_NAMES.get(n, n), getattr(math, n))
     for n in (*(n for n in UNARY if hasattr(math, n)), *ERF, *_MATH_NAMES)
@@ -189,23 +184,13 @@ def _from_text(text: str, tape: Tape, names: dict):
 def _from_sympy(e, tape: Tape, names: dict):
     """Node by node; a name that is neither an argument nor a parameter is an error."""
     renamed = {
-        "asin": "arcsin",
-        "acos": "arccos",
-        "atan": "arctan",
-        "atan2": "arctan2",
-        "Abs": "abs",
-        "And": "and",
-        "Or": "or",
-        "Not": "not",
-    }
+        "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "Abs": "abs", "And": "and",
+        "Or": "or", "Not": "not",
+    }  # fmt: skip
     relations = {
-        "StrictLessThan": "lt",
-        "LessThan": "le",
-        "StrictGreaterThan": "gt",
-        "GreaterThan": "ge",
-        "Equality": "eq",
+        "StrictLessThan": "lt", "LessThan": "le", "StrictGreaterThan": "gt", "GreaterThan": "ge", "Equality": "eq",
         "Unequality": "ne",
-    }
+    }  # fmt: skip
 
     def ev(n):
         kind = type(n).__name__

@@ -33,12 +33,9 @@ DIHEDRAL_STYLES: dict[str, Callable] = {}
 IMPROPER_STYLES: dict[str, Callable] = {}
 
 STYLES = {
-    "pair": PAIR_STYLES,
-    "bond": BOND_STYLES,
-    "angle": ANGLE_STYLES,
-    "dihedral": DIHEDRAL_STYLES,
+    "pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihedral": DIHEDRAL_STYLES,
     "improper": IMPROPER_STYLES,
-}
+}  # fmt: skip
 
 
 #: Pair styles whose one ``pair_coeff * *`` line maps atom types to elements (NULL: not this style's).
@@ -192,6 +189,31 @@ class StyleInput:
         """An AtcError that names the file and line; use as ``raise inp.error("...", line)``."""
         return AtcError(f"{line.where if line is not None else self.where}: {message}")
 
+    def wrong(self, message: str, line: CoeffLine | None = None) -> AtcError:
+        """`error` that ends in what is there: the words of the line, or the arguments of the style."""
+        return self.error(f"{message}, got {' '.join(self.args if line is None else line.words) or 'nothing'}", line)
+
+    def require(self, complaint: str | None, line: CoeffLine | None = None) -> None:
+        """Raise `wrong` if there is a complaint."""
+        if complaint:
+            raise self.wrong(f"{self.command}: {complaint}", line)
+
+    def no_arguments(self) -> None:
+        if self.args:
+            raise self.wrong(f"{self.command} takes no arguments")
+
+    def by_pair(self, read: Callable[[CoeffLine], object]) -> dict:
+        """{types: what `read` makes of the coefficient line that covers them}; of several lines the last holds."""
+        out: dict = {}
+        for line in self.coeffs:
+            value = read(line)
+            out.update(dict.fromkeys(line.covers(self.n_types), value))
+        return out
+
+    def by_type(self, read: Callable[[CoeffLine], object]) -> dict:
+        """As `by_pair` for bonded styles, whose lines are for single types."""
+        return {t: value for (t,), value in self.by_pair(read).items()}
+
     def number(self, word: str, dimension: str | dict, what: str, line: CoeffLine | None = None) -> float:
         """A number in internal units; `dimension` as in `factor`."""
         try:
@@ -244,12 +266,7 @@ class StyleInput:
     def type_values(self, wants, optional: int = 0) -> dict[int, tuple]:
         """Bonded styles: {type: numbers} of the coefficient lines, each ``<what> ...`` as in `numbers`. Types without a
         line are not in it."""
-        out = {}
-        for line in self.coeffs:
-            values = tuple(self.numbers(line.words, wants, line, optional))
-            for (t,) in line.covers(self.n_types):
-                out[t] = values
-        return out
+        return self.by_type(lambda line: tuple(self.numbers(line.words, wants, line, optional)))
 
 
 def supported(kind: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .pair_input import mix_distance, pair_values
+from .pair_input import one_cutoff_each, pair_values
 from .pair_loop import pair_law
 from .radial import ChargedStyle
 from .registry import StyleInput, pair_style
@@ -93,8 +93,7 @@ def _one_number(cls, wants):
 
     def build(inp: StyleInput):
         number, rc = inp.numbers(inp.args, [wants, _CUTOFF])
-        mix = lambda a, b, rule: (mix_distance(a[0], b[0], rule),)  # noqa: E731
-        (cutoff,) = pair_values(inp, [_CUTOFF], optional=1, defaults=[rc], mix=mix)
+        cutoff = one_cutoff_each(inp, rc)
         return cls.of(inp, np.full_like(cutoff, number), cutoff)
 
     pair_style(cls.name)(build)
@@ -124,7 +123,4 @@ def _diel_style(inp: StyleInput):
 @pair_style("coul/exclude")
 def _exclude_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [_CUTOFF])
-    for line in inp.coeffs:
-        inp.numbers(line.words, [], line)
-    (cutoff,) = pair_values(inp, [_CUTOFF], optional=1, defaults=[rc], mix=lambda a, b, rule: (rc,))
-    return CoulombExclude.of(inp, cutoff)
+    return CoulombExclude.of(inp, one_cutoff_each(inp, rc, own=False))

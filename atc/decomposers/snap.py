@@ -76,46 +76,12 @@ class SNAP(Edges):
         return self.elements
 
     def centres(self, work, task, g_end, energies) -> float:
-        file, table, row = self.model, self.table, rows(self.model.top)
-        return centres(
-            *work.atoms(task),
-            work.near.most(task)[0],
-            work.lists,
-            file.radius,
-            file.share,
-            file.inner,
-            file.half,
-            file.rcutfac,
-            file.rfac0,
-            self.params,
-            bool(file.flags["wselfallflag"]),
-            row.out,
-            row.from_,
-            row.n,
-            row.middle,
-            row.p,
-            row.q,
-            *mirrored(file.top),
-            table.component,
-            table.role,
-            table.out,
-            table.weight,
-            table.own,
-            table.first,
-            table.a,
-            table.b,
-            table.C,
-            FACTORS,
-            self.channels,
-            self.constant,
-            file.beta,
-            file.alpha,
-            self.B0,
-            self.length,
-            self.energy,
-            g_end,
-            energies,
-        )
+        file, tables = self.model, (rows(self.model.top), mirrored(self.model.top), self.table)
+        wide = bool(file.flags["wselfallflag"])
+        density = file.radius, file.share, file.inner, file.half, file.rcutfac, file.rfac0, self.params, wide
+        expansion, units = (self.constant, file.beta, file.alpha, self.B0), (self.length, self.energy)
+        around = *work.atoms(task), work.near.most(task)[0], work.lists
+        return centres(*around, density, *tables, FACTORS, self.channels, expansion, units, g_end, energies)
 
 
 MAPPED_STYLES.add("snap")

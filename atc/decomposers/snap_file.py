@@ -16,14 +16,9 @@ from .snap_tables import triples
 #: Keys of the parameter file and their defaults (None: required), by what their values are.
 _NUMBERS = {"rcutfac": None, "rfac0": 0.99363, "rmin0": 0.0}
 _FLAGS = {
-    "switchflag": 1,
-    "bzeroflag": 1,
-    "quadraticflag": 0,
-    "chemflag": 0,
-    "bnormflag": 0,
-    "wselfallflag": 0,
+    "switchflag": 1, "bzeroflag": 1, "quadraticflag": 0, "chemflag": 0, "bnormflag": 0, "wselfallflag": 0,
     "switchinnerflag": 0,
-}
+}  # fmt: skip
 #: Of the KOKKOS package: how work is cut into pieces.
 _IGNORED = ("chunksize", "parallelthresh")
 #: Above which the list of products alone takes gigabytes.
@@ -94,9 +89,8 @@ def read_snap(coefficients, parameters, elements=None, units_name: str = "metal"
     wants = 1 + k + (k * (k + 1) // 2 if flags["quadraticflag"] else 0)
     if rows.shape[1] != wants:
         raise AtcError(
-            f"{coefficients}: {rows.shape[1]} coefficients of each element, where {Path(parameters).name} "
-            f"(twojmax {values['twojmax']}, quadraticflag {flags['quadraticflag']}, chemflag {flags['chemflag']}) "
-            f"wants {wants}"
+            f"{coefficients}: {rows.shape[1]} coefficients of each element, where {Path(parameters).name} (twojmax "
+            f"{values['twojmax']}, quadraticflag {flags['quadraticflag']}, chemflag {flags['chemflag']}) wants {wants}"
         )
     beta = np.ascontiguousarray(rows[:, 1 : 1 + k])
     alpha = np.zeros((t, 0, 0))

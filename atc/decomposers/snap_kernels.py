@@ -175,56 +175,22 @@ def adjoint(component, role, out, weight, first, a, b, C, factors, channels, siz
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def centres(
-    s0,
-    s1,
-    most,
-    near,
-    radius,
-    share,
-    inner,
-    half,
-    factor,
-    theta,
-    params,
-    wide,
-    R_out,
-    R_from,
-    R_n,
-    R_middle,
-    p,
-    q,
-    mirror_to,
-    mirror_from,
-    mirror_sign,
-    component,
-    role,
-    out,
-    weight,
-    own,
-    first,
-    a,
-    b,
-    C,
-    factors,
-    channels,
-    constant,
-    beta,
-    alpha,
-    B0,
-    length,
-    energy,
-    g_end,
-    energies,
-):
+def centres(s0, s1, most, near, density, rows, mirror, table, factors, channels, expansion, units, g_end, energies):
     """U of the atoms s0..s1; into g_end[pair, side] the gradient of the energy of the atom at that side by the vector
     from it to the other one.
 
-    radius, share, inner, half : (t,) R, w, and where the inner switch is. factor : rcutfac. theta : rfac0
+    density : radius, share, inner, half (t,): R, w, and where the inner switch is; factor: rcutfac; theta: rfac0;
+        params; wide
     params : rmin0, whether to switch at r_c, and at the inside. wide : whether all densities have their atom in them
-    constant, beta, alpha, B0 : (t,), (t, k), (t, k, k) or (t, 0, 0), (t, k). length, energy : of the file's units
+    rows, mirror, table : see `snap_tables`. expansion : constant (t,), beta (t, k), alpha (t, k, k) or (t, 0, 0), B0
+        (t, k). units : length and energy of the file
     """
     start, pair, end, pair_a, pair_b, r, d, element, atom = near
+    radius, share, inner, half, factor, theta, params, wide = density
+    R_out, R_from, R_n, R_middle, p, q = rows
+    mirror_to, mirror_from, mirror_sign = mirror
+    component, role, out, weight, own, first, a, b, C = table
+    (constant, beta, alpha, B0), (length, energy) = expansion, units
     size = len(p)
     count = beta.shape[1]
     quadratic = alpha.shape[1] > 0

@@ -7,9 +7,9 @@ basis √(n over k) xᵏ yⁿ⁻ᵏ of polynomials; it stands at ``offset(n) + k
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from math import factorial, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,8 +53,7 @@ def clebsch_gordan(n1: int, n2: int, n: int) -> np.ndarray:
     return out
 
 
-@dataclass(frozen=True)
-class Products:
+class Products(NamedTuple):
     """Z = Σ C u_a u_b of the components' derivatives: ∂B/∂u*. Every segment is one element of one Z.
 
     Attributes
@@ -138,8 +137,7 @@ def products(top: int, channels: bool, normalised: bool) -> Products:
     )
 
 
-@dataclass(frozen=True)
-class Rows:
+class Rows(NamedTuple):
     """How the rows 2k ≤ n of U follow from those of n − 1, in this order.
 
     U_kl = √((n − l)/(n − k)) a* U'_kl − √(l/(n − k)) b* U'_k(l−1), U' that of n − 1; of the middle row, 2k = n,

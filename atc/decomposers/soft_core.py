@@ -12,13 +12,9 @@ from .registry import StyleInput, pair_style
 
 _PLAIN = "dimensionless"
 _LJ = (
-    ("epsilon", "energy"),
-    ("sigma", "length"),
-    ("activation", _PLAIN),
-    ("n", _PLAIN),
-    ("alpha", _PLAIN),
+    ("epsilon", "energy"), ("sigma", "length"), ("activation", _PLAIN), ("n", _PLAIN), ("alpha", _PLAIN),
     ("cutoff", "length"),
-)
+)  # fmt: skip
 
 
 class LennardJonesSoft(RadialStyle):
@@ -143,18 +139,14 @@ def _coul_soft_style(inp: StyleInput):
     def mix(a, b, rule):
         return (a[0] if a[0] == b[0] else np.nan, mix_distance(a[1], b[1], rule))
 
-    activation, cutoff = pair_values(
-        inp, (CoulombSoft.numbers[0], CoulombSoft.numbers[-1]), optional=1, defaults=[rc], mix=mix
-    )
+    activation, cutoff = pair_values(inp, CoulombSoft.numbers[::3], optional=1, defaults=[rc], mix=mix)
     return CoulombSoft.of(inp, activation, np.full_like(cutoff, n), np.full_like(cutoff, alpha), cutoff)
 
 
 @pair_style("morse/soft")
 def _morse_soft_style(inp: StyleInput):
     n, threshold, rc = inp.numbers(inp.args, [("n", _PLAIN), ("lf", _PLAIN), ("cutoff", "length")])
-    d0, alpha, r0, activation, cutoff = pair_values(
-        inp, (*MorseSoft.numbers[:4], MorseSoft.numbers[-1]), optional=1, defaults=[rc]
-    )
-    return MorseSoft.internal(
-        d0, alpha, r0, activation, np.full_like(d0, n), np.full_like(d0, threshold), cutoff, shift=inp.modify.shift
-    )
+    wants = (*MorseSoft.numbers[:4], MorseSoft.numbers[-1])
+    *morse, cutoff = pair_values(inp, wants, optional=1, defaults=[rc])
+    same = (np.full_like(cutoff, v) for v in (n, threshold))
+    return MorseSoft.internal(*morse, *same, cutoff, shift=inp.modify.shift)

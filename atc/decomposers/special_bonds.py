@@ -31,12 +31,8 @@ class SpecialBonds:
     """
 
     def __init__(self, lj=(0.0, 0.0, 0.0), coul=(0.0, 0.0, 0.0), angle: bool = False, dihedral: bool = False):
-        self.lj, self.coul, self.angle, self.dihedral = (
-            tuple(map(float, lj)),
-            tuple(map(float, coul)),
-            bool(angle),
-            bool(dihedral),
-        )
+        self.lj, self.coul = tuple(map(float, lj)), tuple(map(float, coul))
+        self.angle, self.dihedral = bool(angle), bool(dihedral)
         self._last = None
 
     def __getstate__(self):
@@ -101,8 +97,7 @@ class SpecialBonds:
             if len(both) == 1 and both <= {0.0, 1.0} and new != both:
                 raise AtcError(
                     f"{where}: pair_modify special cannot change the weight {both.pop():g} of 1-{k + 2} neighbours, "
-                    "which LAMMPS fixes in its lists: "
-                    "a special_bonds weight such as 1e-10 can be changed"
+                    "which LAMMPS fixes in its lists: a special_bonds weight such as 1e-10 can be changed"
                 )
         return type(self)(lj, coul, self.angle, self.dihedral)
 
@@ -169,24 +164,8 @@ class _Weights:
         Returns the new n first.
         """
         lj, coul = (np.zeros(0), np.zeros(0)) if self.plain else (np.empty(n), np.empty(n))
-        n = _weigh(
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.d2,
-            n,
-            self.start,
-            self.other,
-            self.apart,
-            self.hints,
-            self.lj,
-            self.coul,
-            self.turn,
-            self.half,
-            self.keep,
-            lj,
-            coul,
-        )
+        pairs, lists = (ws.i, ws.j, ws.r, ws.d2), (self.start, self.other, self.apart, self.hints)
+        n = _weigh(pairs, n, lists, self.lj, self.coul, self.turn, self.half, self.keep, lj, coul)
         return n, lj[:n], coul[:n]
 
 
@@ -287,7 +266,8 @@ def special_hints(start, other):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _weigh(i, j, r, d2, n, start, other, apart, hints, lj, coul, turn, half, keep, wl, wc):
+def _weigh(pairs, n, lists, lj, coul, turn, half, keep, wl, wc):
+    (i, j, r, d2), (start, other, apart, hints) = pairs, lists
     weighted = len(wl) > 0
     m = 0
     for b in range(n):

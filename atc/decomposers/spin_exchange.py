@@ -55,9 +55,8 @@ class SpinExchange(PairStyle):
         off = (np.abs(size - 1.0) > _UNIT) & (size != 0.0)
         if off.any():
             raise AtcError(
-                f"{frame.source}: the spin of atom {frame.ids[off][0]} has the length {size[off][0]:.4g}: expected "
-                "the unit vector spx spy spz of "
-                "compute property/atom (its size is the column sp)"
+                f"{frame.source}: the spin of atom {frame.ids[off][0]} has the length {size[off][0]:.4g}: expected the "
+                "unit vector spx spy spz of compute property/atom (its size is the column sp)"
             )
         return s_nc
 
@@ -65,20 +64,15 @@ class SpinExchange(PairStyle):
         _spin_exchange(types, i, j, d2, self.table, prepared, U, G)
 
 
-@pair_style("spin/exchange")
+@pair_style("spin/exchange", "spin/exchange/biquadratic")
 def _exchange(inp: StyleInput):
-    return _read(inp, "exchange", _J)
-
-
-@pair_style("spin/exchange/biquadratic")
-def _biquadratic(inp: StyleInput):
-    return _read(inp, "biquadratic", SpinExchange.numbers[:6])
-
-
-def _read(inp: StyleInput, word: str, wants):
+    word = inp.name.rpartition("/")[2]
+    wants = _J if word == "exchange" else SpinExchange.numbers[:6]
     inp.numbers(inp.args, [("cutoff", "length")])
-    given, offset = {}, 0.0
-    for line in inp.coeffs:
+    offset = 0.0
+
+    def read(line):
+        nonlocal offset
         words = list(line.words)
         if len(words) > 2 and words[-2] == "offset":
             if words[-1] not in ("yes", "on", "true", "no", "off", "false"):
@@ -94,9 +88,9 @@ def _read(inp: StyleInput, word: str, wants):
         if not all(d > 0 for d in values[2::3]):
             raise inp.error(f"{inp.command}: d must be positive, got {' '.join(words[1:])}", line)
         values = values if len(values) == 6 else [*values, 0.0, 0.0, 1.0]
-        for pair in line.covers(inp.n_types):
-            given[pair] = (*values, cutoff)
-    given = {pair: (*values[:-1], offset, values[-1]) for pair, values in given.items()}
+        return (*values, cutoff)
+
+    given = {pair: (*values[:-1], offset, values[-1]) for pair, values in inp.by_pair(read).items()}
     style = SpinExchange.internal(*fill(inp, given, len(SpinExchange.numbers)))
     style.name = inp.name
     inp.note("forces of spins are those at the spins that the frames show")

@@ -13,9 +13,9 @@ from ..errors import AtcError, AtcWarning
 from ..units import Units
 from ..units import units as system
 from .centred import Centred
-from .elements import ElementMap, mapped_line
-from .neighborhood import around
-from .parameter_file import LARGE, read_parameter_file, units_tag
+from .elements import ElementMap, mapped_line, named_elements
+from .neighborhood import around, share_half
+from .parameter_file import Rows, read_parameter_file, same_units
 from .registry import MAPPED_STYLES, pair_style
 
 
@@ -76,40 +76,22 @@ def read_spline_meam(
     AtcError for a missing or malformed file.
     """
     text = read_parameter_file(path, "spline MEAM", where)
-    if units_tag(text) not in (None, units_name):
-        raise AtcError(
-            f"{path}: this file is in {units_tag(text)!r} units and the model in {units_name!r}: LAMMPS does not "
-            "convert spline MEAM files"
-        )
+    same_units(text, units_name, path, "spline MEAM")
     # The first line is a comment.
     lines = [(k, w) for k, line in enumerate(text.splitlines()[1:], 2) if (w := line.split())]
-    place = 0
-
-    def row(count, what):
-        nonlocal place
-        if place >= len(lines):
-            raise AtcError(f"{path}: ends where {what} should follow: the file is cut off")
-        number, words = lines[place]
-        place += 1
-        try:
-            values = [float(w) for w in words[:count]]
-        except ValueError:
-            values = []
-        if len(values) != count or not all(abs(v) < LARGE for v in values):
-            raise AtcError(f"{path}:{number}: expected {what}, got {' '.join(words)!r}")
-        return values, f"{path}:{number}"
+    rows = Rows(path, lines)
+    row = rows.values
 
     def spline(what):
-        nonlocal place
-        headed = place < len(lines) and lines[place][1][0] == "spline3eq"
-        place += headed
-        (count,), at = row(1, f"the number of knots of {what}")
+        headed = rows.place < len(lines) and lines[rows.place][1][0] == "spline3eq"
+        rows.place += headed
+        (count,), at = row(f"the number of knots of {what}", (float,))
         if count != int(count) or count < 2:
             raise AtcError(f"{at}: {what} must have two knots or more, got {count:g}")
-        (d0, d1), _ = row(2, f"the slopes at the ends of {what}")
+        (d0, d1), _ = row(f"the slopes at the ends of {what}", (float, float))
         if not headed:
-            row(1, f"a line that is not used, of {what}")
-        xy = np.array([row(2, f"a knot (x, y) of {what}")[0] for _ in range(int(count))])
+            row(f"a line that is not used, of {what}", (float,))
+        xy = np.array([row(f"a knot (x, y) of {what}", (float, float))[0] for _ in range(int(count))])
         if not (np.diff(xy[:, 0]) > 0).all():
             raise AtcError(f"{at}: the knots of {what} must go up")
         out = Spline(xy[:, 0], xy[:, 1], d0, d1)
@@ -120,7 +102,7 @@ def read_spline_meam(
     names = None
     if lines and lines[0][1][0] == "meam/spline":
         number, words = lines[0]
-        place = 1
+        rows.place = 1
         if len(words) < 3 or not words[1].isdigit() or len(words) != 2 + int(words[1]):
             raise AtcError(
                 f"{path}:{number}: expected meam/spline, the number of elements and their names, got "
@@ -132,9 +114,9 @@ def read_spline_meam(
     phi = [spline("phi") for _ in range(pairs)]
     F, G = (spline("F"), spline("G")) if stillinger_weber else (None, None)
     parts = [[spline(what) for _ in range(n)] for what, n in (("rho", m), ("U", m), ("f", m), ("g", pairs))]
-    if place < len(lines):
+    if rows.place < len(lines):
         raise AtcError(
-            f"{path}:{lines[place][0]}: more lines than the functions of {m} element{'s' if m > 1 else ''} take"
+            f"{path}:{lines[rows.place][0]}: more lines than the functions of {m} element{'s' if m > 1 else ''} take"
         )
     return SplineMEAMFunctions(names, phi, *parts, F, G)
 
@@ -163,7 +145,7 @@ class SplineMEAM(Centred):
         self.units = u = system(units)
         fs = functions
         self.style = "meam/spline" if fs.F is None else "meam/sw/spline"
-        used = list(dict.fromkeys(e for e in elements or () if e not in (None, "NULL")))
+        used = named_elements(elements)
         names = fs.names or used[:1] or ["X"]
         if fs.names is None and len(used) > 1:
             raise AtcError(f"pair_style {self.style}: the file is of one element, got {' '.join(used)}")
@@ -246,9 +228,7 @@ def _pairs(p0, p1, near, phi, index, G, energies):
         if not np.isfinite(G[p] + u):
             return 0.0, p
         total += u
-        if len(energies) > 0:
-            energies[atom[a[p]]] += 0.5 * u
-            energies[atom[b[p]]] += 0.5 * u
+        share_half(energies, atom[a[p]], atom[b[p]], u)
     return total, -1
 
 
@@ -325,7 +305,10 @@ def _centres(s0, s1, most, near, index, splines, G_end, S_end, out, energies):
     return n, total
 
 
-def _build(inp, ending, stillinger_weber):
+@pair_style("meam/spline", "meam/sw/spline")
+def _meam_spline(inp):
+    stillinger_weber = inp.name == "meam/sw/spline"
+    ending = ".meam.sw.spline" if stillinger_weber else ".meam.spline"
     path, elements, line = mapped_line(inp, ending)
     functions = read_spline_meam(path, inp.units.name, stillinger_weber, line.where)
     if not stillinger_weber and functions.names is not None and elements != functions.names:
@@ -349,13 +332,3 @@ def _build(inp, ending, stillinger_weber):
 
 
 MAPPED_STYLES.update(("meam/spline", "meam/sw/spline"))
-
-
-@pair_style("meam/spline")
-def _meam_spline(inp):
-    return _build(inp, ".meam.spline", False)
-
-
-@pair_style("meam/sw/spline")
-def _meam_sw_spline(inp):
-    return _build(inp, ".meam.sw.spline", True)

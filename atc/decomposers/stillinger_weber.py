@@ -15,7 +15,6 @@ everything that the triplets at both of its ends add to it:
 from __future__ import annotations
 
 from itertools import product
-from types import MappingProxyType
 
 import numpy as np
 
@@ -25,9 +24,8 @@ from ..frame import Frame
 from ..units import Units
 from ..units import units as system
 from .base import Work, two_body_sources
-from .cluster import weights_of
-from .elements import mapped_line
-from .entries import OfEntries
+from .elements import mapped_line, named_elements
+from .entries import OfTriplets
 from .neighbor_work import TripletWork, shares
 from .parameter_file import read_entries
 from .registry import MAPPED_STYLES, pair_style
@@ -36,7 +34,7 @@ from .sw_file import SWEntry
 from .twin_entries import agree
 
 
-class StillingerWeber(OfEntries):
+class StillingerWeber(OfTriplets):
     """U = Σ_pairs A ε [B (σ/d)^p − (σ/d)^q] exp(σ/(d − aσ)) + Σ_triplets λ ε (cos θ − cos θ0)² exp(γσ/(d_ab − aσ))
     exp(γσ/(d_ac − aσ)).
 
@@ -78,7 +76,6 @@ class StillingerWeber(OfEntries):
     entry = SWEntry
     angular = SQUARE
     deltas = (0.0, 0.0)
-    partitions = MappingProxyType({"equal": "equal", "center": "center"})
 
     def __init__(
         self,
@@ -131,18 +128,8 @@ class StillingerWeber(OfEntries):
     ) -> StillingerWeber:
         """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``: see
         `OfEntries.from_file`."""
-        used = dict.fromkeys(e for e in elements if e not in (None, "NULL"))
-        entries = read_entries(path, used, system(units).name, cls.entry, where)
+        entries = read_entries(path, named_elements(elements), system(units).name, cls.entry, where)
         return cls.from_entries(entries, elements, units=units, threebody=threebody, partition=partition)
-
-    def share(self, partition):
-        w, words = weights_of(partition, 3, _SHARES, self.style)
-        if w[1] != w[2]:
-            raise AtcError(
-                f"{self.style}: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}"
-            )
-        self.weights = float(w[0]), float(w[1])
-        self.shared = "a third to each of its atoms" if isinstance(partition, str) and partition == "equal" else words
 
     def _build(self, entries, elements, units_, threebody, partition):
         self.share(partition)
@@ -170,16 +157,8 @@ class StillingerWeber(OfEntries):
             cut = e.a * sigma
             with np.errstate(over="ignore", invalid="ignore"):
                 powers = np.power(sigma, [e.p, e.q])
-                self.pair[ia, ib] = (
-                    _list_cutoff(e, sigma),
-                    cut,
-                    sigma,
-                    e.A * energy * e.B * powers[0],
-                    e.A * energy * powers[1],
-                    e.p,
-                    e.q,
-                    e.gamma * sigma,
-                )
+                U2 = e.A * energy * e.B * powers[0], e.A * energy * powers[1], e.p, e.q
+                self.pair[ia, ib] = _list_cutoff(e, sigma), cut, sigma, *U2, e.gamma * sigma
             if not np.isfinite(self.pair[ia, ib, 3:]).all():
                 raise AtcError(
                     f"{e.where}: the entry {a} {b} {b} gives no finite energy: A, B, epsilon or the powers p and q of "
@@ -204,9 +183,8 @@ class StillingerWeber(OfEntries):
         for i, j in product(range(len(names)), repeat=2):
             e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
             what = f"{e.where} and {f.where}: the two-body terms of {names[i]} and {names[j]} in both entries"
-            if j > i and not agree(
-                self.pair[i, j, :7], self.pair[j, i, :7], what, self._two_body, self.units.label("energy")
-            ):
+            unit = self.units.label("energy")
+            if j > i and not agree(self.pair[i, j, :7], self.pair[j, i, :7], what, self._two_body, unit):
                 raise AtcError(
                     f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} "
                     f"{names[i]} give different two-body terms or cutoffs "
@@ -222,9 +200,8 @@ class StillingerWeber(OfEntries):
                 if not agree(x, y, what):
                     raise AtcError(
                         f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[k]} and {names[i]} "
-                        f"{names[k]} {names[j]} give different lambda*epsilon or "
-                        "costheta0 for the same triplet, of which LAMMPS takes one by the order of its neighbour "
-                        "list: make them equal"
+                        f"{names[k]} {names[j]} give different lambda*epsilon or costheta0 for the same triplet, of "
+                        "which LAMMPS takes one by the order of its neighbour list: make them equal"
                     )
                 self.triplet[i, j, k] = self.triplet[i, k, j] = 0.5 * (x + y)
         mean = 0.5 * (self.pair + self.pair.transpose(1, 0, 2))
@@ -238,14 +215,11 @@ class StillingerWeber(OfEntries):
 
     def describe(self) -> str:
         what = f"{self.style} {'-'.join(str(n) for n in self.names)}" if self.elements is not None else self.style
-        share = (
-            f"pair energy shared half to each atom, triplet energy {self.shared}; one merged bond a pair, outer b-c "
-            "bonds apart"
-        )
+        if not self.threebody:
+            return f"{what} without three-body term, pair energy shared half to each atom"
         return (
-            f"{what}, {share}"
-            if self.threebody
-            else f"{what} without three-body term, pair energy shared half to each atom"
+            f"{what}, pair energy shared half to each atom, triplet energy {self.shared}; one merged bond a pair, "
+            "outer b-c bonds apart"
         )
 
     def prepare(self, frame: Frame) -> Work:
@@ -283,10 +257,6 @@ class _SWWork(TripletWork):
         if acc.sources:
             bonds.D_bdc = two_body_sources(bonds)
         return bonds
-
-
-_CENTER = ((1.0, 0.0, 0.0), "to the atom at its center")
-_SHARES = {"center": _CENTER, "centre": _CENTER}
 
 
 class StillingerWeberMod(StillingerWeber):

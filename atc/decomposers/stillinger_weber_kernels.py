@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import njit
+from .neighborhood import share_half
 
 #: Angular functions of δ = cos θ − cos θ0: δ², [g_C(δ) δ]², δ²/(1 + C δ²); and (θ − θ0)².
 SQUARE, SWITCHED, SATURATED, HARMONIC = 0, 1, 2, 3
@@ -36,7 +37,6 @@ def sw_pairs(a, b, r, d2, n, element, table, same_ends, atom, rec, G, energies):
     """
     m = 0
     total = 0.0
-    shared = len(energies) > 0
     for k in range(n):
         ia, ib = a[k], b[k]
         ea, eb = element[ia], element[ib]
@@ -57,9 +57,7 @@ def sw_pairs(a, b, r, d2, n, element, table, same_ends, atom, rec, G, energies):
         if not np.isfinite(g + u):
             return 0, 0.0, k
         total += u
-        if shared:
-            energies[atom[ia]] += 0.5 * u
-            energies[atom[ib]] += 0.5 * u
+        share_half(energies, atom[ia], atom[ib], u)
         gs = table[ea, eb, 7]
         h = np.exp(gs * s)
         w = gs * s * s * inv

@@ -160,19 +160,13 @@ class Table(PairStyle):
         if interpolation not in ("spline", "linear"):
             raise AtcError(f"Table: interpolation must be 'spline' or 'linear', got {interpolation!r}")
         r, energy, force = (np.ascontiguousarray(a, dtype=float) for a in (r, energy, force))
-        if not (
-            r.ndim == 1
-            and len(r) >= 2
-            and r.shape == energy.shape == force.shape
-            and (np.diff(r) > 0).all()
-            and r[0] > 0
-        ):
+        alike = r.ndim == 1 and len(r) >= 2 and r.shape == energy.shape == force.shape
+        if not (alike and (np.diff(r) > 0).all() and r[0] > 0):
             raise AtcError(
                 "Table: r, energy and force must be arrays of one length (at least 2), r positive and increasing"
             )
-        grid = _Grid(
-            TableSection(r, energy, force), r[-1] if cutoff is None else cutoff, points, interpolation == "spline"
-        )
+        end = r[-1] if cutoff is None else cutoff
+        grid = _Grid(TableSection(r, energy, force), end, points, interpolation == "spline")
         which = np.full((n_types + 1, n_types + 1), -1)
         which[1:, 1:] = 0
         self._set_grids([grid], which, u)
@@ -187,12 +181,8 @@ class Table(PairStyle):
 
     def _set_grids(self, grids, which, u):
         L, E = u.length, u.energy
-        n = len(which)
-        self.table = np.zeros((n, n, 1))
-        for i in range(n):
-            for j in range(n):
-                if which[i, j] >= 0:
-                    self.table[i, j, 0] = (grids[which[i, j]].cut * L) ** 2
+        cut2 = np.array([*((g.cut * L) ** 2 for g in grids), 0.0])
+        self.table = cut2[which][..., None]
         self.which = np.ascontiguousarray(which)
         self.spline = grids[0].spline
         # Per grid: inner², 1/δ, δ²/6; per point: U, G, and their second derivatives (spline).
@@ -265,8 +255,9 @@ def _table_style(inp: StyleInput):
     n = int(n)
     if n > _MOST:
         raise inp.error(f"{inp.command}: {n} points are more than the {_MOST} that are supported")
-    grids, given = [], {}
-    for line in inp.coeffs:
+    grids = []
+
+    def read(line):
         if len(line.words) not in (2, 3):
             raise inp.error(
                 f"{inp.command}: expected 'pair_coeff I J file keyword [cutoff]', got {' '.join(line.words)!r}", line
@@ -278,10 +269,10 @@ def _table_style(inp: StyleInput):
         cut = inp.number(line.words[2], "dimensionless", "cutoff", line) if len(line.words) == 3 else top
         if not (s.lo if s.spacing else s.r[0]) < cut <= top:
             raise inp.error(f"{inp.command}: the cutoff {cut:g} is outside the table, {s.r[0]:g} to {top:g}", line)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (len(grids) + 1.0,)
         grids.append(_Grid(s, cut, n, inp.args[0] == "spline"))
-    (which,) = fill(inp, given, 1)
+        return (float(len(grids)),)
+
+    (which,) = fill(inp, inp.by_pair(read), 1)
     return Table.of_grids(grids, which.astype(np.int64) - 1, inp.units)
 
 

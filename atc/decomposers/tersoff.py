@@ -116,21 +116,8 @@ class Tersoff(OfEntries):
             ((2.0 * e.n * 1e-16) ** (-1.0 / e.n), (2.0 * e.n * 1e-8) ** (-1.0 / e.n)) if e.n > 0 else (np.inf, np.inf)
         )
         R, D = u.to_internal("length", e.R), u.to_internal("length", e.D)
-        return _row(
-            _TWO,
-            R,
-            D,
-            e.A * energy,
-            e.lam1 / length,
-            e.B * energy,
-            e.lam2 / length,
-            e.beta,
-            e.n,
-            c1,
-            c2,
-            1.0 / c2,
-            1.0 / c1,
-        )
+        U = R, D, e.A * energy, e.lam1 / length, e.B * energy, e.lam2 / length
+        return _row(_TWO, *U, e.beta, e.n, c1, c2, 1.0 / c2, 1.0 / c1)
 
     def _symmetric(self, entries, names):
         """The repulsion of a pair, which LAMMPS takes from one of two entries by the numbering of the atoms, must be
@@ -200,20 +187,9 @@ class _TersoffWork(NeighborWork):
         term = self.term
         most, count = self.near.most(task)
         out = room(acc, count)
-        m, energy = bond_orders(
-            term.form,
-            term.shift,
-            *self.atoms(task),
-            most,
-            self.lists,
-            term.two,
-            term.three,
-            term.weights,
-            self.G_end,
-            self.S_end,
-            out,
-            shares(acc),
-        )
+        numbers, ends = (term.two, term.three, term.weights), (self.G_end, self.S_end)
+        atoms = *self.atoms(task), most, self.lists
+        m, energy = bond_orders(term.form, term.shift, *atoms, *numbers, *ends, out, shares(acc))
         acc.energy += energy
         return made(acc, out, m)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiled import njit
-from .neighborhood import around, between_neighbors
+from .neighborhood import around, between_neighbors, share_half
 
 SINE, MURTY = 0, 1
 TERSOFF, KUMAGAI, GAO_WEBER = 0, 1, 2
@@ -224,7 +224,6 @@ def merge(form, shift, p0, p1, near, repulsion, G_end, S_end, out, energies):
     _, _, _, a, b, r, d, element, atom = near
     out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
-    shared = len(energies) > 0
     total = 0.0
     m = 0
     for p in range(p0, p1):
@@ -245,9 +244,7 @@ def merge(form, shift, p0, p1, near, repulsion, G_end, S_end, out, energies):
         if not np.isfinite(g + u):
             return 0, 0.0, p
         total += u
-        if shared:
-            energies[atom[i]] += 0.5 * u
-            energies[atom[j]] += 0.5 * u
+        share_half(energies, atom[i], atom[j], u)
         keep = g != 0.0
         out_i[m], out_j[m], out_G[m] = atom[i], atom[j], g
         for c in range(3):

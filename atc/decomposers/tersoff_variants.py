@@ -85,22 +85,14 @@ class TersoffMod(Tersoff):
     def around(self, e):
         R, D = self.units.to_internal("length", e.R), self.units.to_internal("length", e.D)
         alpha = e.alpha / self.units.to_internal("length", 1.0)
-        out = np.array([R, D, alpha, e.beta, 0.0, e.c2, e.c3, e.h, e.c1, e.c4, e.c5])
-        return out
+        return np.array([R, D, alpha, e.beta, 0.0, e.c2, e.c3, e.h, e.c1, e.c4, e.c5])
 
     def between(self, e):
-        u, energy, length = self.units, self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
+        u = self.units
+        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        R, D = u.to_internal("length", e.R), u.to_internal("length", e.D)
         out = np.zeros(17)
-        out[:8] = (
-            u.to_internal("length", e.R),
-            u.to_internal("length", e.D),
-            e.A * energy,
-            e.lam1 / length,
-            e.B * energy,
-            e.lam2 / length,
-            e.eta,
-            e.n,
-        )
+        out[:8] = R, D, e.A * energy, e.lam1 / length, e.B * energy, e.lam2 / length, e.eta, e.n
         return out
 
 
@@ -149,19 +141,22 @@ class TersoffZBL(Tersoff):
             )
         out = super().between(e)
         a = 0.8854 * u.to_internal("length", 0.529) / (e.Zi**0.23 + e.Zj**0.23)
-        strength = (
-            e.Zi * e.Zj / (4.0 * np.pi * _VACUUM[u.name]) * u.to_internal("energy", 1.0) * u.to_internal("length", 1.0)
-        )
-        out[13:] = strength, a, u.to_internal("length", e.ZBLcut), e.ZBLexpscale / u.to_internal("length", 1.0)
+        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        strength = e.Zi * e.Zj / (4.0 * np.pi * _VACUUM[u.name]) * energy * length
+        out[13:] = strength, a, u.to_internal("length", e.ZBLcut), e.ZBLexpscale / length
         return out
 
 
-def _beta(e):
-    if not e.beta > 0:
-        raise AtcError(f"{e.where}: beta must be positive, b = [beta (1 + zeta)]^(-n), got {e.beta:g}")
+class _GaoWeberOrder:
+    form = (SINE, TERSOFF, GAO_WEBER)
+
+    def between(self, e):
+        if not e.beta > 0:
+            raise AtcError(f"{e.where}: beta must be positive, b = [beta (1 + zeta)]^(-n), got {e.beta:g}")
+        return super().between(e)
 
 
-class GaoWeber(Tersoff):
+class GaoWeber(_GaoWeberOrder, Tersoff):
     """`Tersoff` with b = [β (1 + ζ)]^(−n) (LAMMPS ``gw``), β = 1 in the paper.
 
     Notes
@@ -170,22 +165,12 @@ class GaoWeber(Tersoff):
     """
 
     style = "gw"
-    form = (SINE, TERSOFF, GAO_WEBER)
-
-    def between(self, e):
-        _beta(e)
-        return super().between(e)
 
 
-class GaoWeberZBL(TersoffZBL):
+class GaoWeberZBL(_GaoWeberOrder, TersoffZBL):
     """`GaoWeber` with the ZBL core of `TersoffZBL` (LAMMPS ``gw/zbl``)."""
 
     style = "gw/zbl"
-    form = (SINE, TERSOFF, GAO_WEBER)
-
-    def between(self, e):
-        _beta(e)
-        return super().between(e)
 
 
 for _kind, _ending in (

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -18,19 +17,18 @@ from ..errors import AtcError
 from ..frame import Frame
 from ..units import Units
 from .base import Work
-from .cluster import weights_of
-from .elements import mapped_line
-from .entries import Entry, OfEntries
+from .elements import mapped_line, mapped_style
+from .entries import Entry, OfTriplets
 from .neighbor_work import TripletWork, shares
+from .neighborhood import share_half
 from .registry import MAPPED_STYLES, pair_style
-from .stillinger_weber import _SHARES
 from .stillinger_weber_kernels import HARMONIC, SATURATED
 
 # Which function of the distance an arm has in triplets: exp(γ/(d − r0)), 1, exp(−d/ρ); all 0 at and beyond r0.
 _EXPONENTIAL, _PLAIN, _SCREENED = 0, 1, 2
 
 
-class ThreeBody(OfEntries):
+class ThreeBody(OfTriplets):
     """U = Σ_pairs U2(d) + Σ_triplets S h(d_ab) h(d_ac) A(cos θ), a at the centre, h = 0 from r0 on.
 
     Half of a pair's energy goes to each end, a third of a triplet's to each of its atoms (`partition`, as in
@@ -49,7 +47,6 @@ class ThreeBody(OfEntries):
     #: Pair energies and G by pair at (first, step) of d² in place of their functions, or none.
     table = np.zeros((0, 0, 0, 2))
     grid = (0.0, 0.0)
-    partitions = MappingProxyType({"equal": "equal", "center": "center"})
 
     def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="equal"):
         entries, names = self.take(entries, elements, units)
@@ -92,15 +89,6 @@ class ThreeBody(OfEntries):
     def part_name(self) -> str:
         return self.style
 
-    def share(self, partition):
-        w, words = weights_of(partition, 3, _SHARES, self.style)
-        if w[1] != w[2]:
-            raise AtcError(
-                f"{self.style}: the two outer atoms of a triplet are equals, so their shares must be, got {partition!r}"
-            )
-        self.weights = float(w[0]), float(w[1])
-        self.shared = "a third to each of its atoms" if isinstance(partition, str) and partition == "equal" else words
-
     def describe(self) -> str:
         pair = "pair energy shared half to each atom, " if (self.pair[..., 0] > 0).any() else ""
         return (
@@ -133,27 +121,9 @@ class _ThreeBodyWork(TripletWork):
         n = self.list.half(task, ws)
         D = np.empty((n, 2, 3)) if acc.sources else None
         keep_i, keep_j, rec, G = np.empty(n, np.int32), np.empty(n, np.int32), np.empty((n, 8)), np.empty(n)
-        m, k, energy, bad = _pairs(
-            ws.i,
-            ws.j,
-            ws.r,
-            ws.d2,
-            n,
-            self.element,
-            term.table,
-            term.grid,
-            term.pair,
-            term.arms,
-            term.arm,
-            self.atom,
-            keep_i,
-            keep_j,
-            rec,
-            G,
-            ws.G,
-            D,
-            shares(acc),
-        )
+        pairs, kept = (ws.i, ws.j, ws.r, ws.d2), (keep_i, keep_j, rec, G)
+        law = term.table, term.grid, term.pair, term.arms, term.arm
+        m, k, energy, bad = _pairs(pairs, n, self.element, *law, self.atom, kept, ws.G, D, shares(acc))
         self.require_finite(bad, ws)
         acc.energy += energy
         self.parts[task] = keep_i[:k].copy(), keep_j[:k].copy(), rec[:k].copy(), G[:k].copy()
@@ -188,14 +158,14 @@ def _arm(kind, d, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(i, j, r, d2, n, element, table, grid, pair, arms, arm, atom, keep_i, keep_j, rec, keep_G, G, D, energies):
+def _pairs(pairs, n, element, table, grid, pair, arms, arm, atom, kept, G, D, energies):
     """Pair energies. Pairs that no triplet may have are compacted in place to bonds with the frame's indices, the
     others go to keep_i, keep_j, rec (as in `sw_pairs`), keep_G. Returns how many of each, the energy, the first pair
     that is not finite (−1: none)."""
+    (i, j, r, d2), (keep_i, keep_j, rec, keep_G) = pairs, kept
     m = 0
     k = 0
     total = 0.0
-    shared = len(energies) > 0
     for b in range(n):
         ia, ib = i[b], j[b]
         ea, eb = element[ia], element[ib]
@@ -217,9 +187,7 @@ def _pairs(i, j, r, d2, n, element, table, grid, pair, arms, arm, atom, keep_i, 
             if not np.isfinite(g + u):
                 return 0, 0, 0.0, b
             total += u
-            if shared:
-                energies[atom[ia]] += 0.5 * u
-                energies[atom[ib]] += 0.5 * u
+            share_half(energies, atom[ia], atom[ib], u)
         h, w = _arm(arm, d, arms[ea, eb])
         h2, w2 = _arm(arm, d, arms[eb, ea])
         x, y, z = r[b, 0], r[b, 1], r[b, 2]
@@ -412,21 +380,10 @@ class ScreenedTriplets(HarmonicTriplets):
         ) if e.rho > 0 else 0.0
 
 
-def _style(kind, ending):
-    def build(inp):
-        path, elements, line = mapped_line(inp, ending)
-        return kind.from_file(path, elements, units=inp.units, where=line.where)
-
-    MAPPED_STYLES.add(kind.style)
-    pair_style(kind.style)(build)
-
-
 @pair_style("vashishta/table")
 def _vashishta_table(inp):
     if len(inp.args) != 2 or not inp.args[0].isdigit():
-        raise inp.error(
-            f"{inp.command} takes the number of points and an inner cutoff, got {' '.join(inp.args) or 'nothing'}"
-        )
+        raise inp.wrong(f"{inp.command} takes the number of points and an inner cutoff")
     inner = inp.number(inp.args[1], 1.0, "inner cutoff")
     path, elements, line = mapped_line(inp.replace(args=()), ".vashishta")
     term = Vashishta.from_file(path, elements, units=inp.units, where=line.where)
@@ -438,6 +395,6 @@ def _vashishta_table(inp):
 
 
 MAPPED_STYLES.add("vashishta/table")
-_style(Vashishta, ".vashishta")
-_style(HarmonicTriplets, ".nb3b.harmonic")
-_style(ScreenedTriplets, ".nb3b.screened")
+mapped_style("vashishta", ending=".vashishta", read=Vashishta.from_file)
+mapped_style("nb3b/harmonic", ending=".nb3b.harmonic", read=HarmonicTriplets.from_file)
+mapped_style("nb3b/screened", ending=".nb3b.screened", read=ScreenedTriplets.from_file)

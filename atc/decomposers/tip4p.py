@@ -131,9 +131,7 @@ class TIP4PLine:
 def _water(inp: StyleInput, words):
     """(TIP4PLine, what is left of the words)"""
     if len(words) < 6:
-        raise inp.error(
-            f"{inp.command} takes otype htype btype atype qdist and one or two cutoffs, got {' '.join(inp.args)}"
-        )
+        raise inp.wrong(f"{inp.command} takes otype htype btype atype qdist and one or two cutoffs")
     distance = inp.number(words[4], "length", "qdist")
     if not distance >= 0:
         raise inp.error(f"{inp.command}: qdist must not be negative, got {words[4]}")

@@ -41,29 +41,24 @@ _LATER = "it is not done yet, though it is a function of one distance"
 _PAIR = {
     _KSPACE: (
         "born/coul/long/cs born/coul/msm buck/coul/long/cs buck/coul/msm buck/long/coul/long buck6d/coul/gauss/long "
-        "coul/long/cs coul/long/soft "
-        "coul/msm coul/slater/long dpd/coul/slater/long lj/charmm/coul/long/soft lj/charmm/coul/msm "
-        "lj/class2/coul/long/cs lj/class2/coul/long/soft "
-        "lj/cut/coul/long/cs lj/cut/coul/long/soft lj/cut/coul/msm lj/expand/coul/long lj/sdk/coul/long "
-        "lj/sdk/coul/msm lj/spica/coul/long "
-        "lj/spica/coul/msm lj/switch3/coulgauss/long mm3/switch3/coulgauss/long"
+        "coul/long/cs coul/long/soft coul/msm coul/slater/long dpd/coul/slater/long lj/charmm/coul/long/soft "
+        "lj/charmm/coul/msm lj/class2/coul/long/cs lj/class2/coul/long/soft lj/cut/coul/long/cs lj/cut/coul/long/soft "
+        "lj/cut/coul/msm lj/expand/coul/long lj/sdk/coul/long lj/sdk/coul/msm lj/spica/coul/long lj/spica/coul/msm "
+        "lj/switch3/coulgauss/long mm3/switch3/coulgauss/long"
     ),
     _SITE: "lj/cut/tip4p/long/soft tip4p/long/soft",
     _ANGLES: (
         "body/nparticle body/rounded/polygon body/rounded/polyhedron gayberne line/lj lj/cut/dipole/cut "
-        "lj/cut/dipole/long lj/long/dipole/long "
-        "lj/sf/dipole/sf oxdna/coaxstk oxdna/excv oxdna/hbond oxdna/stk oxdna/xstk oxdna2/coaxstk oxdna2/dh "
-        "oxdna2/excv oxdna2/hbond oxdna2/stk "
-        "oxdna2/xstk oxrna2/coaxstk oxrna2/dh oxrna2/excv oxrna2/hbond oxrna2/stk oxrna2/xstk resquared tri/lj ylz"
+        "lj/cut/dipole/long lj/long/dipole/long lj/sf/dipole/sf oxdna/coaxstk oxdna/excv oxdna/hbond oxdna/stk "
+        "oxdna/xstk oxdna2/coaxstk oxdna2/dh oxdna2/excv oxdna2/hbond oxdna2/stk oxdna2/xstk oxrna2/coaxstk oxrna2/dh "
+        "oxrna2/excv oxrna2/hbond oxrna2/stk oxrna2/xstk resquared tri/lj ylz"
     ),
     _MANY_BODY: (
         "adp agni airebo airebo/morse bop dispersion/d3 e3b eam/cd eam/cd/old eam/he edip edip/multi eim extep gw "
-        "gw/zbl hbond/dreiding/lj "
-        "hbond/dreiding/lj/angleoffset hbond/dreiding/morse hbond/dreiding/morse/angleoffset lcbop meam meam/c "
-        "meam/ms meam/spline meam/sw/spline mgpt "
-        "nb3b/harmonic nb3b/screened polymorphic rebo rebomos sw/angle/table sw/mod tersoff/mod tersoff/mod/c "
-        "tersoff/table tersoff/zbl threebody/table "
-        "vashishta vashishta/table"
+        "gw/zbl hbond/dreiding/lj hbond/dreiding/lj/angleoffset hbond/dreiding/morse hbond/dreiding/morse/angleoffset "
+        "lcbop meam meam/c meam/ms meam/spline meam/sw/spline mgpt nb3b/harmonic nb3b/screened polymorphic rebo "
+        "rebomos sw/angle/table sw/mod tersoff/mod tersoff/mod/c tersoff/table tersoff/zbl threebody/table vashishta "
+        "vashishta/table"
     ),
     _DENSITY: "local/density mdpd mdpd/rhosum multi/lucy",
     _MACHINE: "mliap pod uf3 pace pace/extrapolation quip hdnnp rann nequip allegro mace deepmd metatomic",
@@ -73,8 +68,7 @@ _PAIR = {
     _HISTORY: "bpm/spring peri/eps peri/lps peri/pmb peri/ves",
     _PARTICLES: (
         "rheo rheo/solid sdpd/taitwater/isothermal smd/hertz smd/tlsph smd/tri_surface smd/ulsph sph/heatconduction "
-        "sph/idealgas sph/lj sph/rhosum "
-        "sph/taitwater sph/taitwater/morris"
+        "sph/idealgas sph/lj sph/rhosum sph/taitwater sph/taitwater/morris"
     ),
     _VELOCITY: "brownian brownian/poly dsmc lubricate lubricate/poly lubricateU lubricateU/poly",
     _REACTING: "edpd exp6/rx multi/lucy/rx table/rx tdpd",
@@ -85,8 +79,7 @@ _PAIR = {
     _DRUDE: "coul/tt lj/cut/thole/long thole",
     _DIELECTRIC: (
         "coul/cut/dielectric coul/long/dielectric lj/cut/coul/cut/dielectric lj/cut/coul/debye/dielectric "
-        "lj/cut/coul/long/dielectric "
-        "lj/cut/coul/msm/dielectric lj/long/coul/long/dielectric"
+        "lj/cut/coul/long/dielectric lj/cut/coul/msm/dielectric lj/long/coul/long/dielectric"
     ),
     _ELECTRONS: "awpmd/cut",
     _SPINS: "spin/dipole/cut spin/dipole/long spin/dmi spin/magelec spin/neel",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .buckingham import Born, Buckingham, positive_rho
-from .coulomb import CoulombDSFExact, CoulombWolf, wanted_pairs
+from .coulomb import CoulombDSF, CoulombDSFExact, CoulombWolf, coulomb_constant, cut_style, positive, wanted_pairs
 from .inverse_powers import NM, Class2
 from .lennard_jones import LennardJones, mix_lj
 from .pair_input import fill, mix_distance, pair_values
@@ -31,26 +31,21 @@ def two_cutoffs(inp: StyleInput, front, numbers, mix=None, check=None):
     cutoffs = [("cutoff", "length"), ("Coulomb cutoff", "length")]
     *front, rc, rcoul = inp.numbers(inp.args, [*front, *cutoffs], optional=1)
     rcoul = rc if rcoul is None else rcoul
-    given = {}
-    for line in inp.coeffs:
+
+    def read(line):
         *values, a, b = inp.numbers(line.words, [*numbers, *cutoffs], line, optional=2)
-        wrong = check(*values) if check is not None else None
-        if wrong:
-            raise inp.error(f"{inp.command}: {wrong}, got {' '.join(line.words)}", line)
+        inp.require(check(*values) if check is not None else None, line)
         a, b = (rc, rcoul) if a is None else (a, a) if b is None else (a, b)
-        for pair in line.covers(inp.n_types):
-            given[pair] = (*values, a, b)
+        return (*values, a, b)
 
     def both(x, y, rule):
         return (*mix(x[:-1], y[:-1], rule), mix_distance(x[-1], y[-1], rule))
 
-    *arrays, cut, cut_coul = fill(inp, given, len(numbers) + 2, both if mix is not None else None)
+    *arrays, cut, cut_coul = fill(inp, inp.by_pair(read), len(numbers) + 2, both if mix is not None else None)
     return front, arrays, cut, cut_coul
 
 
 def _with_coul_cut(name, cls, mix=None, check=None):
-    from .coulomb import cut_style
-
     def build(inp: StyleInput):
         _, arrays, cut, cut_coul = two_cutoffs(inp, [], cls.numbers[:-1], mix, check)
         return [cls.internal(*arrays, cut, shift=inp.modify.shift), cut_style(inp, cut_coul)]
@@ -58,6 +53,7 @@ def _with_coul_cut(name, cls, mix=None, check=None):
     pair_style(name)(build)
 
 
+_with_coul_cut("lj/cut/coul/cut", LennardJones, mix_lj)
 _with_coul_cut("buck/coul/cut", Buckingham, check=positive_rho)
 _with_coul_cut("nm/cut/coul/cut", NM)
 _with_coul_cut("lj/class2/coul/cut", Class2, mix_lj6)
@@ -96,12 +92,11 @@ def _with_damped(names, cls, damped, mix=None, check=None):
         front = [("alpha", {"length": -1}), ("cutoff", "length"), ("Coulomb cutoff", "length")]
         alpha, rc, rcoul = inp.numbers(inp.args, front, optional=1)
         rcoul = rc if rcoul is None else rcoul
-        if not rcoul > 0:
-            raise inp.error(f"{inp.command}: the Coulomb cutoff must be positive, got {' '.join(inp.args)}")
+        positive(inp, rcoul)
         check_lines(inp, cls.numbers, check)
         arrays = pair_values(inp, cls.numbers, optional=1, defaults=[rc], mix=mix)
         short = cls.internal(*arrays, shift=inp.modify.shift)
-        return [short, damped.everywhere(wanted_pairs(inp), alpha, rcoul, inp.units.coulomb / inp.dielectric)]
+        return [short, damped.everywhere(wanted_pairs(inp), alpha, rcoul, coulomb_constant(inp))]
 
     pair_style(*names)(build)
 
@@ -110,3 +105,4 @@ def _with_damped(names, cls, damped, mix=None, check=None):
 _with_damped(("born/coul/dsf", "born/coul/dsf/cs"), Born, CoulombDSFExact, check=positive_rho)
 _with_damped(("born/coul/wolf", "born/coul/wolf/cs"), Born, CoulombWolf, check=positive_rho)
 _with_damped(("lj/cut/coul/wolf",), LennardJones, CoulombWolf, mix_lj)
+_with_damped(("lj/cut/coul/dsf",), LennardJones, CoulombDSF, mix_lj)

@@ -65,21 +65,18 @@ class ZBL(PairStyle):
         e2 = u.coulomb * u.to_internal("charge", _ELECTRON.get(u.name, 1.0)) ** 2
         n = len(zi)
         table = np.zeros((n, n, 13))
-        for i in range(1, n):
-            for j in range(1, n):
-                if not on[i, j]:
-                    continue
-                k = _D * (zi[i, j] ** _POWER + zj[i, j] ** _POWER) / a0
-                c = _C * zi[i, j] * zj[i, j] * e2
-                x = c * np.exp(-k * outer)
-                f0 = x.sum() / outer
-                f1 = -(k * x).sum() / outer - f0 / outer
-                f2 = ((k * k * x).sum() + 2 * (k * x).sum() / outer + 2 * x.sum() / outer**2) / outer
-                t = outer - inner
-                A = (-3 * f1 + t * f2) / t**2 if t > 0 else 0.0
-                B = (2 * f1 - t * f2) / t**3 if t > 0 else 0.0
-                C = -f0 + t / 2 * f1 - t * t / 12 * f2
-                table[i, j] = [outer**2, *c, *k, A, B, C, inner]
+        for i, j in np.argwhere(on):
+            k = _D * (zi[i, j] ** _POWER + zj[i, j] ** _POWER) / a0
+            c = _C * zi[i, j] * zj[i, j] * e2
+            x = c * np.exp(-k * outer)
+            f0 = x.sum() / outer
+            f1 = -(k * x).sum() / outer - f0 / outer
+            f2 = ((k * k * x).sum() + 2 * (k * x).sum() / outer + 2 * x.sum() / outer**2) / outer
+            t = outer - inner
+            A = (-3 * f1 + t * f2) / t**2
+            B = (2 * f1 - t * f2) / t**3
+            C = -f0 + t / 2 * f1 - t * t / 12 * f2
+            table[i, j] = [outer**2, *c, *k, A, B, C, inner]
         self.table = table
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
@@ -98,8 +95,7 @@ def universal_screening(u: Units, zi, zj, r):
 @pair_style("zbl")
 def _zbl_style(inp: StyleInput):
     inner, outer = inp.numbers(inp.args, [("inner", "length"), ("outer", "length")])
-    if not 0 < inner < outer:
-        raise inp.error(f"{inp.command}: expected 0 < inner < outer, got {' '.join(inp.args)}")
+    inp.require(None if 0 < inner < outer else "expected 0 < inner < outer")
     given = {}
     for line in inp.coeffs:
         z1, z2 = inp.numbers(line.words, [("z_i", "dimensionless"), ("z_j", "dimensionless")], line)

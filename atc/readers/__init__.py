@@ -119,14 +119,8 @@ def _read(source, topology=None, units=None, masses=None, atom_style=None, boxed
     if isinstance(source, (list, tuple)) and source and all(isinstance(s, (str, os.PathLike)) for s in source):
         from .chain import Chain, matching
 
-        return Chain(
-            partial(_read, boxed=boxed),
-            [file for s in source for file in matching(s) or [s]],
-            topology,
-            units,
-            masses,
-            atom_style,
-        )
+        files = [file for s in source for file in matching(s) or [s]]
+        return Chain(partial(_read, boxed=boxed), files, topology, units, masses, atom_style)
     from .trajectory import Trajectory
 
     if isinstance(source, Trajectory):

@@ -22,7 +22,18 @@ _PIECE = 1 << 22  # at most so many bytes come out of the decompressor at once, 
 _BOMB, _SWELL = 1 << 28, 300
 
 
-class PlainBytes:
+class _Opened:
+    """What has an open `_file`."""
+
+    def close(self):
+        self._file.close()
+
+    def __del__(self):
+        if hasattr(self, "_file"):
+            self._file.close()
+
+
+class PlainBytes(_Opened):
     """`read(start, stop)` of an uncompressed file, as a uint8 array. Copies: a file that shrinks under a memory map
     kills the process."""
 
@@ -52,13 +63,6 @@ class PlainBytes:
                 got += n
         return out[:got]
 
-    def close(self):
-        self._file.close()
-
-    def __del__(self):
-        if hasattr(self, "_file"):
-            self._file.close()
-
     def __getstate__(self):
         return {"path": self.path, "hold": 0}
 
@@ -67,7 +71,7 @@ class PlainBytes:
         self._open()
 
 
-class StreamBytes:
+class StreamBytes(_Opened):
     """The same for a compressed file: decompressed as far as needed, with a window that never drops what lies behind
     `hold`.
 
@@ -156,13 +160,6 @@ class StreamBytes:
                 self._more()
             a = start - self._begin
             return np.frombuffer(bytes(memoryview(self._window)[a : max(a, stop - self._begin)]), np.uint8)
-
-    def close(self):
-        self._file.close()
-
-    def __del__(self):
-        if hasattr(self, "_file"):
-            self._file.close()
 
     def __getstate__(self):
         return {"path": self.path, "kind": self.kind}

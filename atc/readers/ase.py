@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell, Frame
 from ..units import units as unit_system
 from .trajectory import Masses, Trajectory
@@ -40,10 +40,8 @@ class _AseTrajectory(Trajectory):
         where = f"{self.source} frame {k}"
         if not len(atoms):
             raise AtcError(f"{where}: holds no atoms")
-        try:
+        with located(where):
             cell = Cell(np.asarray(atoms.cell, float), periodic=atoms.pbc)
-        except AtcError as e:
-            raise AtcError(f"{where}: {e}") from None
         types = self._types_from_names(atoms.get_chemical_symbols(), k)
         names = self.type_names
         masses = self._masses(types, names, where) if self._masses is not None else atoms.get_masses()

@@ -46,27 +46,14 @@ ATOM_STYLES = {
 _RENAMED = {"granular": "sphere", "meso": "sph"}
 # Behind id vx vy vz in section Velocities, in LAMMPS's units of each.
 _VELOCITIES = {
-    "body": "lx ly lz",
-    "bpm/sphere": "wx wy wz",
-    "electron": "ervel",
-    "ellipsoid": "lx ly lz",
-    "line": "wx wy wz",
-    "sphere": "wx wy wz",
-    "tri": "wx wy wz lx ly lz",
-    "wavepacket": "ervel",
-}
+    "body": "lx ly lz", "bpm/sphere": "wx wy wz", "electron": "ervel", "ellipsoid": "lx ly lz", "line": "wx wy wz",
+    "sphere": "wx wy wz", "tri": "wx wy wz lx ly lz", "wavepacket": "ervel",
+}  # fmt: skip
 # Columns that are one property of LAMMPS's: in a hybrid style only the first sub-style that has it prints it.
 _PROPERTY = {
-    "density": "rmass",
-    "mass": "rmass",
-    "diameter": "radius",
-    "cradius": "radius",
-    "normx": "mux",
-    "normy": "muy",
-    "normz": "muz",
-    "wx": "omegax",
-    "lx": "angmomx",
-}
+    "density": "rmass", "mass": "rmass", "diameter": "radius", "cradius": "radius", "normx": "mux", "normy": "muy",
+    "normz": "muz", "wx": "omegax", "lx": "angmomx",
+}  # fmt: skip
 #: Styles that give an atom its mass by a volume of its own. Each multiplies the density by its volume.
 SHAPED = frozenset(("bpm/sphere", "ellipsoid", "line", "sphere", "tri"))
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell
 from ._bytes import open_bytes
-from .lammps_columns import INT_COLUMNS, LammpsTrajectory, cell_from_bounds
-from .trajectory import decimal_resolution, warn
+from .lammps_columns import INT_COLUMNS, ScannedTrajectory, cell_from_bounds
+from .trajectory import warn
 
 _MAGICS = (b"DUMPATOM", b"DUMPCUSTOM")
 
@@ -80,7 +80,7 @@ class _Cursor:
         return struct.unpack(endian + form, self.take(struct.calcsize("=" + form)))
 
 
-class LammpsBinaryDump(LammpsTrajectory):
+class LammpsBinaryDump(ScannedTrajectory):
     """Frames of a LAMMPS binary dump, ``dump atom`` or ``dump custom``, plain or compressed.
 
     Parameters and choices as for `atc.readers.lammps_dump.LammpsDump`. Files written before the column names were
@@ -197,18 +197,8 @@ class LammpsBinaryDump(LammpsTrajectory):
         self._next = at
         return True
 
-    def _has(self, k):
-        if k >= len(self._headers) and not self._complete:
-            with self._guard:
-                while k >= len(self._headers) and self._scan():
-                    pass
-        return k < len(self._headers)
-
-    def __len__(self):
-        if not self._complete:
-            with self._guard:
-                while self._scan():
-                    pass
+    @property
+    def _found(self):
         return len(self._headers)
 
     def _table(self, h: _Header, k: int) -> np.ndarray:
@@ -227,14 +217,12 @@ class LammpsBinaryDump(LammpsTrajectory):
     def _cell(self, h: _Header, k: int) -> Cell:
         length = self.units.length
         periodic = [h.boundary[2 * a] == 0 and h.boundary[2 * a + 1] == 0 for a in range(3)]
-        try:
+        with located(f"{self.source}, frame {k}"):
             if h.triclinic == 2:
                 return Cell(np.reshape(h.box[:9], (3, 3)) * length, np.array(h.box[9:]) * length, periodic)
             return cell_from_bounds(
                 h.box[0:6:2], h.box[1:6:2], h.box[6:] if h.triclinic else (0.0, 0.0, 0.0), periodic, length
             )
-        except AtcError as e:
-            raise AtcError(f"{self.source}, frame {k}: {e}") from None
 
     def _frame(self, k):
         if not self._has(k):
@@ -298,9 +286,3 @@ class LammpsBinaryDump(LammpsTrajectory):
     def _numbered(self):
         columns = self._headers[0].columns or self._old_columns
         return "id" in (columns or ())
-
-    def _precision(self, frame):
-        return decimal_resolution(frame.positions)
-
-    def close(self):
-        self._bytes.close()

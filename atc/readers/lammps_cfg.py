@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell
 from ._bytes import open_bytes
 from .lammps_columns import INT_COLUMNS, KNOWN_FLOATS, LammpsTrajectory
@@ -163,10 +163,8 @@ class LammpsCfg(LammpsTrajectory):
             del columns["mass"]
         if "type" not in columns and self._data is None:
             self._names_tell_types(columns["element"], mass)
-        try:
+        with located(where):
             cell = Cell(self._h * self.units.length)
-        except AtcError as e:
-            raise AtcError(f"{where}: {e}") from None
         return self._build(columns, cell, k, where, None, None, lambda row: f"atom {row + 1} of the file")
 
     def _names_tell_types(self, names, mass):

@@ -288,6 +288,33 @@ class LammpsTrajectory(Trajectory):
         return state
 
 
+class ScannedTrajectory(LammpsTrajectory):
+    """A file whose frames are found one after the other, as far as they are needed: `_scan` finds one more and is False
+    at the end of the file, when `_complete` is set; `_found` is how many there are so far."""
+
+    _complete = False
+    _found = 0
+
+    def _scan(self) -> bool:
+        raise NotImplementedError
+
+    def _has(self, k):
+        if k >= self._found and not self._complete:
+            with self._guard:
+                while k >= self._found and self._scan():
+                    pass
+        return k < self._found
+
+    def __len__(self):
+        with self._guard:
+            while self._scan():
+                pass
+        return self._found
+
+    def close(self):
+        self._bytes.close()
+
+
 def _data_file(topology):
     if topology is None:
         return None

@@ -21,22 +21,13 @@ _KINDS = ("Atom", "Bond", "Angle", "Dihedral", "Improper")
 #: Sections of coefficients: whose types their lines begin with, and the words of class 2 that stand for the cross term
 #: in a coeff command.
 COEFFS = {
-    "Pair Coeffs": ("pair", ""),
-    "PairIJ Coeffs": ("pairij", ""),
-    "Bond Coeffs": ("bond", ""),
-    "Angle Coeffs": ("angle", ""),
-    "Dihedral Coeffs": ("dihedral", ""),
-    "Improper Coeffs": ("improper", ""),
-    "BondBond Coeffs": ("angle", "bb"),
-    "BondAngle Coeffs": ("angle", "ba"),
-    "UreyBradley Coeffs": ("angle", "ub"),
-    "MiddleBondTorsion Coeffs": ("dihedral", "mbt"),
-    "EndBondTorsion Coeffs": ("dihedral", "ebt"),
-    "AngleTorsion Coeffs": ("dihedral", "at"),
-    "AngleAngleTorsion Coeffs": ("dihedral", "aat"),
-    "BondBond13 Coeffs": ("dihedral", "bb13"),
-    "AngleAngle Coeffs": ("improper", "aa"),
-}
+    "Pair Coeffs": ("pair", ""), "PairIJ Coeffs": ("pairij", ""), "Bond Coeffs": ("bond", ""),
+    "Angle Coeffs": ("angle", ""), "Dihedral Coeffs": ("dihedral", ""), "Improper Coeffs": ("improper", ""),
+    "BondBond Coeffs": ("angle", "bb"), "BondAngle Coeffs": ("angle", "ba"), "UreyBradley Coeffs": ("angle", "ub"),
+    "MiddleBondTorsion Coeffs": ("dihedral", "mbt"), "EndBondTorsion Coeffs": ("dihedral", "ebt"),
+    "AngleTorsion Coeffs": ("dihedral", "at"), "AngleAngleTorsion Coeffs": ("dihedral", "aat"),
+    "BondBond13 Coeffs": ("dihedral", "bb13"), "AngleAngle Coeffs": ("improper", "aa"),
+}  # fmt: skip
 SECTIONS = frozenset(
     (
         "Atoms",
@@ -384,9 +375,8 @@ class LammpsData:
         if n > 5:
             warn(
                 f"{self.source}: 'Atoms # hybrid' does not name its sub-styles, so charges, masses and image flags in "
-                "it are not used: write them "
-                "behind it as in the run's atom_style line, e.g. 'Atoms # hybrid sphere charge', or give it as "
-                "atom_style"
+                "it are not used: write them behind it as in the run's atom_style line, e.g. 'Atoms # hybrid sphere "
+                "charge', or give it as atom_style"
             )
         return ["id", "type", "x", "y", "z", *(f"hybrid_{k}" for k in range(n - 5))]
 
@@ -406,8 +396,7 @@ class LammpsData:
         if "template_index" in a and not self.bonded and (a["template_index"] > 0).any():
             return (
                 f"{self.source}: the bonds of atom_style template are in the molecule files of the run: which atoms "
-                "are bonded is not known; "
-                "give a data file of another atom style, with sections Bonds, Angles, ..."
+                "are bonded is not known; give a data file of another atom style, with sections Bonds, Angles, ..."
             )
         return ""
 
@@ -526,8 +515,7 @@ def _check_spins(a, s):
         k = int(odd.argmax())
         raise AtcError(
             f"{s.where(k)}: the spin's direction is no unit vector, as if the columns were id type sp x y z spx spy "
-            "spz of an old LAMMPS: "
-            "today's are id type x y z spx spy spz sp; convert the file"
+            "spz of an old LAMMPS: today's are id type x y z spx spy spz sp; convert the file"
         )
 
 

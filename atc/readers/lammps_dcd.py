@@ -13,10 +13,10 @@ import struct
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell
 from ._bytes import open_bytes
-from .lammps_columns import LammpsTrajectory
+from .lammps_columns import ScannedTrajectory
 from .trajectory import decimal_resolution, warn
 
 _NAME = b"Written by LAMMPS"
@@ -50,7 +50,7 @@ def rest_behind_frames(path) -> bool:
     return not word[8] and n > 0 and titles >= 0 and (total - at - 12) % size != 0
 
 
-class LammpsDcd(LammpsTrajectory):
+class LammpsDcd(ScannedTrajectory):
     """Frames of a DCD file of LAMMPS: positions (float32), cell, step and time.
 
     Parameters
@@ -86,7 +86,6 @@ class LammpsDcd(LammpsTrajectory):
                 f"{type(topology).__name__}"
             )
         super().__init__(path, topology, units, masses, None)
-        self._count, self._counted = 0, False
         if not self._has(0):
             raise AtcError(f"{path} holds no complete frame")
         self._ids = None
@@ -147,32 +146,26 @@ class LammpsDcd(LammpsTrajectory):
     # Frames
     # ------------------------------------------------------------------------------------------------------------------
 
-    def _has(self, k):
-        if not self._counted and k >= self._count:
-            with self._guard:
-                while k >= self._count and not self._counted:
-                    end = self._body + (self._count + 1) * self._size
-                    self._bytes.hold = end - self._size
-                    if len(self._bytes.read(end - 1, end)):
-                        self._count += 1
-                        continue
-                    self._counted = True
-                    if len(self._bytes.read(end - self._size, end - self._size + 1)):
-                        warn(
-                            f"{self.source}: its last frame (number {self._count}, from byte {end - self._size}) is "
-                            "not complete and is left out"
-                        )
-                    if not self._steps_known and self._count > 1:
-                        warn(
-                            f"{self.source}: the steps of its frames are not evenly spaced, or its header was not "
-                            "finished: its frames have neither step nor time"
-                        )
-        return k < self._count
-
-    def __len__(self):
-        while self._has(self._count):
-            pass
-        return self._count
+    def _scan(self):
+        if self._complete:
+            return False
+        end = self._body + (self._found + 1) * self._size
+        self._bytes.hold = end - self._size
+        if len(self._bytes.read(end - 1, end)):
+            self._found += 1
+            return True
+        self._complete = True
+        if len(self._bytes.read(end - self._size, end - self._size + 1)):
+            warn(
+                f"{self.source}: its last frame (number {self._found}, from byte {end - self._size}) is not complete "
+                "and is left out"
+            )
+        if not self._steps_known and self._found > 1:
+            warn(
+                f"{self.source}: the steps of its frames are not evenly spaced, or its header was not finished: its "
+                "frames have neither step nor time"
+            )
+        return False
 
     def _frame(self, k):
         if not self._has(k):
@@ -202,10 +195,7 @@ class LammpsDcd(LammpsTrajectory):
         )
 
     def _check_record(self, raw, at, size, start, k):
-        ends = (
-            struct.unpack_from(self._endian + "i", raw, at)[0],
-            struct.unpack_from(self._endian + "i", raw, at + 4 + size)[0],
-        )
+        ends = tuple(struct.unpack_from(self._endian + "i", raw, p)[0] for p in (at, at + 4 + size))
         if ends != (size, size):
             raise AtcError(
                 f"{self.source}, frame {k}, byte {start + at}: a record of {ends[0]} bytes, expected {size}; the file "
@@ -231,10 +221,8 @@ class LammpsDcd(LammpsTrajectory):
         if not (ly2 > 0 and lz2 > 0):
             raise AtcError(f"{where}: cosines {cosines.tolist()} of the angles make no cell")
         vectors = np.array([[a, 0, 0], [xy, np.sqrt(ly2), 0], [xz, yz, np.sqrt(lz2)]])
-        try:
+        with located(where):
             return Cell(vectors * self.units.length)
-        except AtcError as e:
-            raise AtcError(f"{where}: {e}") from None
 
     def _numbered(self):
         return self._ids is not None
@@ -242,6 +230,3 @@ class LammpsDcd(LammpsTrajectory):
     def _precision(self, frame):
         step, why = decimal_resolution(frame.positions / self.units.length)
         return step * self.units.length, why
-
-    def close(self):
-        self._bytes.close()

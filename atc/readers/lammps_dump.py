@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell
 from . import _parse
 from ._bytes import open_bytes
-from .lammps_columns import INT_COLUMNS, KNOWN_FLOATS, TEXT_COLUMNS, LammpsTrajectory, cell_from_bounds, periodic_flags
+from .lammps_columns import INT_COLUMNS, KNOWN_FLOATS, TEXT_COLUMNS, ScannedTrajectory, cell_from_bounds, periodic_flags
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
 from .trajectory import text_resolution_of_frames, warn
 
@@ -49,11 +50,25 @@ def whole(text: str) -> int:
     return value
 
 
+def count_of(text: str) -> int:
+    """As `whole`, not negative."""
+    if (value := whole(text)) < 0:
+        raise ValueError
+    return value
+
+
+def finite(text: str) -> float:
+    """As `number`, neither infinite nor NaN."""
+    if not np.isfinite(value := number(text)):
+        raise ValueError
+    return value
+
+
 class Truncated(Exception):
     """The file ends inside a frame."""
 
 
-class LammpsDump(LammpsTrajectory):
+class LammpsDump(ScannedTrajectory):
     """Frames of a LAMMPS text dump.
 
     Parameters
@@ -75,6 +90,7 @@ class LammpsDump(LammpsTrajectory):
     the frame and the line.
     """
 
+    _kind = "LAMMPS"
     _may_lack_line_end = True  # whether the atoms of a frame can be the end of the file
     _next_begins = "ITEM: TIMESTEP"
     _mark = b"ITEM:"  # what every frame begins with
@@ -135,14 +151,7 @@ class LammpsDump(LammpsTrajectory):
     def _header_lines(self, lines, line, k) -> Header:
         h = Header()
         m = 0
-
-        def bad(at, expected):
-            got = lines[at].strip()[:60] if at < len(lines) else "the end"
-            return AtcError(
-                f"{self.source}, frame {k}, line {line + at}: expected {expected}, got {got!r}; the file is damaged "
-                "or not a LAMMPS dump"
-            )
-
+        bad = partial(self._bad, lines, line, k)
         while m < len(lines):
             item = lines[m].strip()
             if not item.startswith("ITEM:"):
@@ -157,19 +166,13 @@ class LammpsDump(LammpsTrajectory):
                         f"{self.source}, frame {k}, line {line + m}: 'ITEM: ATOMS' does not name its columns; write "
                         "them behind it, e.g. 'ITEM: ATOMS id type xs ys zs'"
                     )
-                if len(set(h.columns)) < len(h.columns):
-                    twice = next(name for name in h.columns if h.columns.count(name) > 1)
-                    raise AtcError(f"{self.source}, frame {k}, line {line + m}: column {twice!r} is there twice")
-                return h
+                return self._once_each(h, k, line + m)
             try:
                 if item.startswith("ITEM: BOX BOUNDS"):
                     if m + 3 >= len(lines):
                         return h
-                    h.box = (
-                        tuple(item.split()[3:]),
-                        [[number(w) for w in lines[m + r].split()] for r in (1, 2, 3)],
-                        line + m,
-                    )
+                    rows = [[number(w) for w in lines[m + r].split()] for r in (1, 2, 3)]
+                    h.box = (tuple(item.split()[3:]), rows, line + m)
                     m += 4
                     continue
                 if m + 1 >= len(lines):
@@ -178,13 +181,9 @@ class LammpsDump(LammpsTrajectory):
                 if item.startswith("ITEM: TIMESTEP"):
                     h.step = whole(value)
                 elif item == "ITEM: NUMBER OF ATOMS":
-                    h.n = whole(value)
-                    if h.n < 0:
-                        raise ValueError
+                    h.n = count_of(value)
                 elif item == "ITEM: TIME":
-                    h.time = number(value)
-                    if not np.isfinite(h.time):
-                        raise ValueError
+                    h.time = finite(value)
                 elif item == "ITEM: UNITS":
                     h.units = value
                 elif item.startswith("ITEM: NUMBER OF"):
@@ -197,6 +196,20 @@ class LammpsDump(LammpsTrajectory):
             m += 2
         return h
 
+    def _once_each(self, h: Header, k: int, line: int) -> Header:
+        twice = next((name for name in h.columns if h.columns.count(name) > 1), None)
+        if twice is not None:
+            raise AtcError(f"{self.source}, frame {k}, line {line}: column {twice!r} is there twice")
+        return h
+
+    def _bad(self, lines, line: int, k: int, at: int, expected: str) -> AtcError:
+        """What is wrong with line number `at` of those that begin with number `line` of the file."""
+        got = lines[at].strip()[:60] if at < len(lines) else "the end"
+        return AtcError(
+            f"{self.source}, frame {k}, line {line + at}: expected {expected}, got {got!r}; the file is damaged "
+            f"or not a {self._kind} dump"
+        )
+
     def _scan(self) -> bool:
         """Find one more frame. False at the end of the file."""
         if self._complete:
@@ -207,10 +220,8 @@ class LammpsDump(LammpsTrajectory):
             if not len(self._bytes.read(start, start + 1)):
                 self._complete = True
                 return False
-            if (
-                not self._bytes.read(start, start + 4096).tobytes().strip()
-                and len(self._bytes.read(start, start + 4096)) < 4096
-            ):
+            rest = self._bytes.read(start, start + 4096).tobytes()
+            if not rest.strip() and len(rest) < 4096:
                 self._complete = True  # blank lines at the end
                 return False
             h = self._header(start, line, k)
@@ -317,18 +328,8 @@ class LammpsDump(LammpsTrajectory):
             "are more lines than announced"
         )
 
-    def _has(self, k):
-        if k >= len(self._start) and not self._complete:
-            with self._guard:
-                while k >= len(self._start) and self._scan():
-                    pass
-        return k < len(self._start)
-
-    def __len__(self):
-        if not self._complete:
-            with self._guard:
-                while self._scan():
-                    pass
+    @property
+    def _found(self):
         return len(self._start)
 
     # Reading one
@@ -374,12 +375,10 @@ class LammpsDump(LammpsTrajectory):
             )
         a = np.array(rows)
         length = self.units.length
-        try:
+        with located(where):
             if general:
                 return Cell(a[:, :3] * length, a[:, 3] * length, periodic)
             return cell_from_bounds(a[:, 0], a[:, 1], a[:, 2] if tilted else (0.0, 0.0, 0.0), periodic, length)
-        except AtcError as e:
-            raise AtcError(f"{where}: {e}") from None
 
     def _table(self, k: int, h: Header, first: int) -> dict:
         """The columns of frame k by name, in file order."""
@@ -411,12 +410,8 @@ class LammpsDump(LammpsTrajectory):
 
     def _precision(self, frame):
         columns = self._header(self._start[0], self._line[0], 0).columns
-        for names, scaled in (
-            (("x", "y", "z"), False),
-            (("xu", "yu", "zu"), False),
-            (("xs", "ys", "zs"), True),
-            (("xsu", "ysu", "zsu"), True),
-        ):
+        for behind, scaled in (("", False), ("u", False), ("s", True), ("su", True)):
+            names = tuple(f"{axis}{behind}" for axis in "xyz")
             if all(name in columns for name in names):
                 r, why = text_resolution_of_frames(lambda k, names=names: self._sample(k, names), self._has)
                 scale = float(np.linalg.norm(frame.cell.vectors, axis=1).max()) if scaled else self.units.length
@@ -436,6 +431,3 @@ class LammpsDump(LammpsTrajectory):
         ]
         words = [w[-len(columns) :] for w in words if len(w) >= len(columns)]
         return [w[a].decode("utf-8", "replace") for w in words for a in at]
-
-    def close(self):
-        self._bytes.close()

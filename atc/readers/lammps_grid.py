@@ -16,14 +16,9 @@ from .lammps_columns import cell_from_bounds, periodic_flags
 
 #: Names of ``fix ave/chunk`` and ``ave/grid`` that say what a column is: its dimension.
 KNOWN = {
-    "density/mass": "density",
-    "density/number": "number_density",
-    "temp": "temperature",
-    "mass": "mass",
-    **{f"v{c}": "velocity" for c in "xyz"},
-    **{f"f{c}": "force" for c in "xyz"},
-    "Ncount": "dimensionless",
-}
+    "density/mass": "density", "density/number": "number_density", "temp": "temperature", "mass": "mass",
+    **{f"v{c}": "velocity" for c in "xyz"}, **{f"f{c}": "force" for c in "xyz"}, "Ncount": "dimensionless",
+}  # fmt: skip
 #: Columns that are per volume or counts: 0 where there are no atoms. All others are means over atoms, of none there.
 _OF_NO_ATOMS = ("density/mass", "density/number", "Ncount")
 

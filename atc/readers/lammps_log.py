@@ -20,33 +20,15 @@ from ..units import LAMMPS_STYLES, Units, units
 
 #: Column headings (in LAMMPS of different years) and thermo_style keywords by what they are.
 NAMES = {
-    "step": ("Step", "step"),
-    "temperature": ("Temp", "temp"),
-    "pressure": ("Press", "press"),
-    "potential": ("PotEng", "pe"),
-    "kinetic": ("KinEng", "ke"),
-    "total": ("TotEng", "etotal"),
-    "pair": ("E_pair", "epair"),
-    "molecular": ("E_mol", "emol"),
-    "vdwl": ("E_vdwl", "evdwl"),
-    "coul": ("E_coul", "ecoul"),
-    "long": ("E_long", "elong"),
-    "tail": ("E_tail", "etail"),
-    "bond": ("E_bond", "ebond"),
-    "angle": ("E_angle", "eangle"),
-    "dihedral": ("E_dihed", "edihed"),
-    "improper": ("E_impro", "eimp"),
-    "volume": ("Volume", "vol"),
-    "atoms": ("Atoms", "atoms"),
-    "time": ("Time", "time"),
-    "dt": ("Dt", "dt"),
-    "pxx": ("Pxx", "pxx"),
-    "pyy": ("Pyy", "pyy"),
-    "pzz": ("Pzz", "pzz"),
-    "pxy": ("Pxy", "pxy"),
-    "pxz": ("Pxz", "pxz"),
+    "step": ("Step", "step"), "temperature": ("Temp", "temp"), "pressure": ("Press", "press"),
+    "potential": ("PotEng", "pe"), "kinetic": ("KinEng", "ke"), "total": ("TotEng", "etotal"),
+    "pair": ("E_pair", "epair"), "molecular": ("E_mol", "emol"), "vdwl": ("E_vdwl", "evdwl"),
+    "coul": ("E_coul", "ecoul"), "long": ("E_long", "elong"), "tail": ("E_tail", "etail"), "bond": ("E_bond", "ebond"),
+    "angle": ("E_angle", "eangle"), "dihedral": ("E_dihed", "edihed"), "improper": ("E_impro", "eimp"),
+    "volume": ("Volume", "vol"), "atoms": ("Atoms", "atoms"), "time": ("Time", "time"), "dt": ("Dt", "dt"),
+    "pxx": ("Pxx", "pxx"), "pyy": ("Pyy", "pyy"), "pzz": ("Pzz", "pzz"), "pxy": ("Pxy", "pxy"), "pxz": ("Pxz", "pxz"),
     "pyz": ("Pyz", "pyz"),
-}
+}  # fmt: skip
 _BY_WORD = {word: name for name, words in NAMES.items() for word in words}
 TENSOR = ("pxx", "pyy", "pzz", "pxy", "pxz", "pyz")
 

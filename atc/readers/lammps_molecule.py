@@ -14,15 +14,9 @@ from .lammps_sections import SectionedFile, shortened, whole_of
 BONDED = {"Bonds": 2, "Angles": 3, "Dihedrals": 4, "Impropers": 4}
 _PER_ATOM = {"Coords": 3, "Types": 1, "Molecules": 1, "Charges": 1, "Diameters": 1, "Dipoles": 3, "Masses": 1}
 _OTHER = (
-    "Fragments",
-    "Special Bond Counts",
-    "Special Bonds",
-    "Shake Flags",
-    "Shake Atoms",
-    "Shake Bond Types",
-    "Body Integers",
-    "Body Doubles",
-)
+    "Fragments", "Special Bond Counts", "Special Bonds", "Shake Flags", "Shake Atoms", "Shake Bond Types",
+    "Body Integers", "Body Doubles",
+)  # fmt: skip
 _COUNT = re.compile(r"^\s*(\d+)\s+(atoms|bonds|angles|dihedrals|impropers|fragments)(?:\s|$)", re.ASCII)
 _NUMBERS = re.compile(r"^\s*\S.*\s(mass|com|inertia|body)(?:\s|$)")
 
@@ -114,13 +108,9 @@ def _per_atom(out, s, width, n, labels):
     order = _from_one(table["id"], n, s)
     value = np.stack([table[c] for c in columns[1:]], axis=1)[order]
     attribute = {
-        "Coords": "coords",
-        "Types": "types",
-        "Molecules": "molecules",
-        "Charges": "charges",
-        "Masses": "masses",
+        "Coords": "coords", "Types": "types", "Molecules": "molecules", "Charges": "charges", "Masses": "masses",
         "Diameters": "diameters",
-    }
+    }  # fmt: skip
     if s.name == "Types" and value.min() < 1:
         raise AtcError(f"{s.source}: section Types: types count from 1, got {value.min()}")
     if s.name in attribute:

@@ -4,33 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell
 from ._bytes import open_bytes
-from .lammps_columns import INT_COLUMNS, LammpsTrajectory
+from .lammps_columns import INT_COLUMNS, ScannedTrajectory
 from .netcdf_classic import ClassicFile
 from .trajectory import decimal_resolution, warn
 
 # (unit of length, unit of time), as the attributes of cell_lengths and time name them -> unit style
 _STYLES = {
-    ("lj", "lj"): "lj",
-    ("angstrom", "femtosecond"): "real",
-    ("angstrom", "picosecond"): "metal",
-    ("meter", "second"): "si",
-    ("centimeter", "second"): "cgs",
-    ("bohr", "femtosecond"): "electron",
-    ("micrometer", "microsecond"): "micro",
-    ("nanometer", "nanosecond"): "nano",
-}
+    ("lj", "lj"): "lj", ("angstrom", "femtosecond"): "real", ("angstrom", "picosecond"): "metal",
+    ("meter", "second"): "si", ("centimeter", "second"): "cgs", ("bohr", "femtosecond"): "electron",
+    ("micrometer", "microsecond"): "micro", ("nanometer", "nanosecond"): "nano",
+}  # fmt: skip
 # Vectors of a frame -> the columns of a dump they hold.
 _VECTORS = {
-    "coordinates": ("x", "y", "z"),
-    "unwrapped_coordinates": ("xu", "yu", "zu"),
-    "scaled_coordinates": ("xs", "ys", "zs"),
-    "velocities": ("vx", "vy", "vz"),
-    "forces": ("fx", "fy", "fz"),
+    "coordinates": ("x", "y", "z"), "unwrapped_coordinates": ("xu", "yu", "zu"),
+    "scaled_coordinates": ("xs", "ys", "zs"), "velocities": ("vx", "vy", "vz"), "forces": ("fx", "fy", "fz"),
     "mu": ("mux", "muy", "muz"),
-}
+}  # fmt: skip
 _FILLS = (-2147483647, -9223372036854775806)  # what NetCDF puts where nothing was written, as int and int64
 
 
@@ -50,7 +42,7 @@ def netcdf_by_lammps(path, head: bytes) -> bool:
         reader.close()
 
 
-class LammpsNetcdf(LammpsTrajectory):
+class LammpsNetcdf(ScannedTrajectory):
     """Frames of a NetCDF file of LAMMPS.
 
     Parameters and choices as for `atc.readers.lammps_dump.LammpsDump`: variables are columns of a dump. The unit style
@@ -75,7 +67,6 @@ class LammpsNetcdf(LammpsTrajectory):
         if self._file.attrs.get("Conventions") != "AMBER":
             raise AtcError(f"{path}: a NetCDF file of LAMMPS, but its Conventions are not 'AMBER': no trajectory")
         super().__init__(path, topology, units, masses, self._style())
-        self._count, self._counted = 0, False
         self._check_variables()
         if not self._has(0):
             raise AtcError(f"{path} holds no complete frame")
@@ -131,27 +122,21 @@ class LammpsNetcdf(LammpsTrajectory):
             raise AtcError(f"{self.source}: the scale_factor of {name} is no number")
         return a * float(factor[0])
 
-    def _has(self, k):
-        if not self._counted and k >= self._count:
-            with self._guard:
-                while k >= self._count and not self._counted:
-                    self._bytes.hold = self._file._first + self._count * self._file.record_size
-                    if self._file.has_record(self._count):
-                        self._count += 1
-                        continue
-                    self._counted = True
-                    announced = self._file.announced
-                    if announced is not None and announced > self._count:
-                        warn(
-                            f"{self.source}: its header announces {announced} frames, the file ends within number "
-                            f"{self._count}: it is left out"
-                        )
-        return k < self._count
-
-    def __len__(self):
-        while self._has(self._count):
-            pass
-        return self._count
+    def _scan(self):
+        if self._complete:
+            return False
+        self._bytes.hold = self._file._first + self._found * self._file.record_size
+        if self._file.has_record(self._found):
+            self._found += 1
+            return True
+        self._complete = True
+        announced = self._file.announced
+        if announced is not None and announced > self._found:
+            warn(
+                f"{self.source}: its header announces {announced} frames, the file ends within number {self._found}: "
+                "it is left out"
+            )
+        return False
 
     def _columns_of(self, k):
         columns = {}
@@ -168,8 +153,6 @@ class LammpsNetcdf(LammpsTrajectory):
         there = None
         if "id" in columns:
             there = ~np.isin(columns["id"], _FILLS)  # the number of atoms may shrink; the file's does not
-            if there.all():
-                there = None
         out = {}
         for name, a in columns.items():
             a = a if there is None else a[there]
@@ -206,16 +189,11 @@ class LammpsNetcdf(LammpsTrajectory):
         lengths = np.asarray(self._scaled("cell_lengths", k), float)
         angles = np.asarray(self._scaled("cell_angles", k), float)
         origin = np.zeros(3)
-        if self._file.variables.get("cell_origin") is not None and self._file.variables["cell_origin"].shape == (
-            None,
-            3,
-        ):
+        v = self._file.variables.get("cell_origin")
+        if v is not None and v.shape == (None, 3):
             origin = np.asarray(self._scaled("cell_origin", k), float)
-        if not (
-            np.isfinite([*lengths, *angles, *origin]).all()
-            and (lengths >= 0).all()
-            and ((angles > 0) & (angles < 180)).all()
-        ):
+        good = (lengths >= 0).all() and ((angles > 0) & (angles < 180)).all()
+        if not (good and np.isfinite([*lengths, *angles, *origin]).all()):
             raise AtcError(
                 f"{where}: lengths {lengths.tolist()} and angles {angles.tolist()} make no cell; the file is damaged"
             )
@@ -227,10 +205,8 @@ class LammpsNetcdf(LammpsTrajectory):
             raise AtcError(f"{where}: angles {angles.tolist()} make no cell; the file is damaged")
         third[2] = np.sqrt(rest)
         vectors = np.array([[1.0, 0, 0], [cg, sg, 0], third]) * lengths[:, None] * self.units.length
-        try:
+        with located(where):
             return Cell(vectors, origin * self.units.length, lengths > 0)
-        except AtcError as e:
-            raise AtcError(f"{where}: {e}") from None
 
     def _numbered(self):
         return "id" in self._file.variables
@@ -238,6 +214,3 @@ class LammpsNetcdf(LammpsTrajectory):
     def _precision(self, frame):
         step, why = decimal_resolution(frame.positions / self.units.length)
         return step * self.units.length, why
-
-    def close(self):
-        self._bytes.close()

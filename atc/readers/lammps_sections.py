@@ -109,14 +109,8 @@ class Section:
 
     def __init__(self, name, comment, line, buf, number, source, last):
         self._last = last  # whether its last line is the last of the file
-        self.name, self.comment, self.line, self.buf, self.number, self.source = (
-            name,
-            comment,
-            line,
-            buf,
-            number,
-            source,
-        )
+        self.name, self.comment, self.line = name, comment, line
+        self.buf, self.number, self.source = buf, number, source
 
     def __len__(self):
         return len(self.number)
@@ -195,8 +189,7 @@ class Section:
         line = self.buf[at:end].tobytes().decode("utf-8", "replace").strip()
         raise AtcError(
             f"{self.where(row)}: expected {len(columns)} columns ({' '.join(columns)}) in section {self.name}, got "
-            f"{len(line.split())}: "
-            f"'{shortened(line)}'"
+            f"{len(line.split())}: '{shortened(line)}'"
         )
 
     def _number(self, word, row, column) -> float:

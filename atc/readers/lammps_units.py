@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..units import units as unit_system
 
 
@@ -11,10 +11,8 @@ def settle_units(given, declared, source):
     system = None if given is None else unit_system(given)
     by = "the units argument"
     for name, file in declared:
-        try:
+        with located(file):
             here = unit_system(name)
-        except AtcError as e:
-            raise AtcError(f"{file}: {e}") from None
         if system is not None and here.name != system.name:
             raise AtcError(
                 f"{file} says its units are {here.name!r} but {by} says {system.name!r}: correct the one that is wrong"

@@ -4,11 +4,12 @@ would take minutes."""
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 
 from ..errors import AtcError
-from .lammps_dump import Header, LammpsDump, Truncated, number, whole
+from .lammps_dump import Header, LammpsDump, Truncated, count_of, finite, number, whole
 from .table import TEXT, parse_columns
 
 # "  - [ 1 , 2 , 0.5, ]" becomes "  -   1   2   0.5    ": a table whose first column is the dash.
@@ -28,6 +29,7 @@ class LammpsYamlDump(LammpsDump):
     ``dump_modify units yes time yes`` put them there. Its thermo data, if any, are not read.
     """
 
+    _kind = "YAML"
     _may_lack_line_end = False
     _next_begins = "... and ---"
     _mark = b"---"
@@ -64,14 +66,7 @@ class LammpsYamlDump(LammpsDump):
         h = Header()
         flags, boundary_line = (), line
         m = 0
-
-        def bad(at, expected):
-            got = lines[at].strip()[:60] if at < len(lines) else "the end"
-            return AtcError(
-                f"{self.source}, frame {k}, line {line + at}: expected {expected}, got {got!r}; the file is damaged "
-                "or not a YAML dump"
-            )
-
+        bad = partial(self._bad, lines, line, k)
         while m < len(lines):
             key, colon, value = lines[m].partition(":")
             value = value.strip()
@@ -84,13 +79,9 @@ class LammpsYamlDump(LammpsDump):
                 if key == "timestep":
                     h.step = whole(value)
                 elif key == "natoms":
-                    h.n = whole(value)
-                    if h.n < 0:
-                        raise ValueError
+                    h.n = count_of(value)
                 elif key == "time":
-                    h.time = number(value)
-                    if not np.isfinite(h.time):
-                        raise ValueError
+                    h.time = finite(value)
                 elif key == "units":
                     h.units = value
                 elif key == "boundary":
@@ -126,10 +117,7 @@ class LammpsYamlDump(LammpsDump):
                 h.box = (("xy", "xz", "yz", *pairs), [[*r, t] for r, t in zip(rows, rows[3])], h.box[2])
             else:
                 h.box = (pairs, rows, h.box[2])
-        if len(set(h.columns)) < len(h.columns):
-            twice = next(name for name in h.columns if h.columns.count(name) > 1)
-            raise AtcError(f"{self.source}, frame {k}, line {line}: column {twice!r} is there twice")
-        return h
+        return self._once_each(h, k, line)
 
     def _skip(self, pos: int, h: Header) -> int:
         end = super()._skip(pos, h)

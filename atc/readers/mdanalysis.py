@@ -7,10 +7,10 @@ import warnings
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell, Frame, Topology
 from ..units import units as unit_system
-from .trajectory import Masses, Trajectory, decimal_resolution, warn
+from .trajectory import Masses, Trajectory, warn
 
 # Readers of formats whose files do not say their units: MDAnalysis takes them as they are.
 _UNITLESS = {"LAMMPSDUMP": "a LAMMPS dump", "DATA": "a LAMMPS data file", "LAMMPS": "a LAMMPS dcd"}
@@ -268,13 +268,8 @@ class MDAnalysisTrajectory(Trajectory):
         vectors = triclinic_vectors(box, dtype=np.float64)
         if not vectors.any():
             raise AtcError(f"{where}: lengths and angles {box.tolist()} make no box")
-        try:
+        with located(where):
             return Cell(vectors * self.units.length)
-        except AtcError as e:
-            raise AtcError(f"{where}: {e}") from None
-
-    def _precision(self, frame):
-        return decimal_resolution(frame.positions)
 
 
 def is_stream(reader) -> bool:

@@ -96,9 +96,8 @@ class Clock:
             which = "step" if kind == "steps" else "time"
             raise AtcError(
                 f"{seen.frame.source}: the {which} {back}: {_called(seen)} comes after {_called(last)}, but "
-                f"{self.what} needs frames in the order of time: "
-                "files of a continued run are joined or appended; take one part (frames in [trajectory], -b, -e), or "
-                "leave out what is there twice"
+                f"{self.what} needs frames in the order of time: files of a continued run are joined or appended; take "
+                "one part (frames in [trajectory], -b, -e), or leave out what is there twice"
             )
         if self._distance is None or kind != self._kind:
             self._distance, self._kind = distance, kind

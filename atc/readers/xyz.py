@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, located
 from ..frame import Cell
 from ..units import LAMMPS_STYLES
 from . import _parse
@@ -28,15 +28,9 @@ _FORCES = ("forces", "force", "frc")
 _VECTORS = {"pos": ("x", "y", "z"), "positions": ("x", "y", "z")}
 _VECTORS |= {n: ("vx", "vy", "vz") for n in _VELOCITIES} | {n: ("fx", "fy", "fz") for n in _FORCES}
 _SCALARS = {
-    "mass": "mass",
-    "masses": "mass",
-    "q": "q",
-    "charge": "q",
-    "charges": "q",
-    "initial_charges": "q",
-    "id": "id",
+    "mass": "mass", "masses": "mass", "q": "q", "charge": "q", "charges": "q", "initial_charges": "q", "id": "id",
     "type": "type",
-}
+}  # fmt: skip
 _OWN_MASS = "the file's own mass"
 _NO_GUARD = contextlib.nullcontext()
 _DUMP = "dump it as custom (id type x y z vx vy vz) or extxyz instead"
@@ -310,9 +304,8 @@ class ExtendedXyz(LammpsTrajectory):
             if self._by_lammps:  # the numbers of the types, where they have no names
                 return {"type": names.astype(np.int64)}
             raise AtcError(
-                f"{where}: the first column holds numbers ({', '.join(unique[:3])}), and nothing says whether they "
-                "are types of LAMMPS or atomic numbers: write the names of the elements (dump_modify element), or "
-                f"{_DUMP}"
+                f"{where}: the first column holds numbers ({', '.join(unique[:3])}), and nothing says whether they are "
+                f"types of LAMMPS or atomic numbers: write the names of the elements (dump_modify element), or {_DUMP}"
             )
         return {"element": names}
 
@@ -385,10 +378,8 @@ class ExtendedXyz(LammpsTrajectory):
         origin = np.zeros(3) if comment.origin is None else comment.origin
         periodic = comment.periodic or (True, True, True)
         factor = comment.cell_length if comment.kind == "ipi" else 1.0
-        try:
+        with located(where):
             cell = Cell(comment.vectors * (factor * u.length), origin * u.length, periodic)
-        except AtcError as e:
-            raise AtcError(f"{where}: {e}") from None
         if self._by_lammps and comment.origin is None and not all(periodic):
             s = (np.stack([columns[a] for a in "xyz"], 1) * u.length) @ np.linalg.inv(cell.vectors)
             outside = ~np.array(periodic) & ((s < -1e-6).any(axis=0) | (s > 1 + 1e-6).any(axis=0))

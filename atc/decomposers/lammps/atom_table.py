@@ -185,11 +185,8 @@ class AtomTable:
     # --------------------------------------------------------------------------------------------------------------
 
     def has_charges(self) -> bool:
-        return (
-            "charges" in self.origin.columns
-            or bool(self.charges[self.alive].any())
-            or bool(self.unknown["charges"].any())
-        )
+        some = self.charges[self.alive].any() or self.unknown["charges"].any()
+        return "charges" in self.origin.columns or bool(some)
 
     def property_of(self, name, rows, found):
         """(n,) values of a property, and where they are known."""
@@ -305,11 +302,8 @@ def rows_of(ids, wanted, alive=None):
     """Row in `ids` of each wanted id (0 where there is none), and whether there is one."""
     if not len(ids):
         return np.zeros(len(wanted), np.int64), np.zeros(len(wanted), bool)
-    order = (
-        np.argsort(ids, kind="stable")
-        if alive is None
-        else np.flatnonzero(alive)[np.argsort(ids[alive], kind="stable")]
-    )
+    alive = np.ones(len(ids), bool) if alive is None else alive
+    order = np.flatnonzero(alive)[np.argsort(ids[alive], kind="stable")]
     if not len(order):
         return np.zeros(len(wanted), np.int64), np.zeros(len(wanted), bool)
     sorted_ids = ids[order]

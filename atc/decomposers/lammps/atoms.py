@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import AtcError
 from .atom_commands import PROPERTIES, RANDOM, SECTIONS, SET, boundary_words, set_keywords, touches, without_boundary
 from .atom_table import rows_of
 from .bond_commands import Bonds
@@ -78,7 +77,7 @@ class Atoms(Groups, Bonds, Places):
 
     def _region(self, c):
         if len(c.words) < 2:
-            raise AtcError(f"{c.where}: region needs a name and a style")
+            raise c.error("region needs a name and a style")
         if c.words[1] == "delete":
             self.regions.pop(c.words[0], None)
             return
@@ -107,7 +106,7 @@ class Atoms(Groups, Bonds, Places):
         try:
             value = float(c.words[1])
         except (IndexError, ValueError):
-            raise AtcError(f"{c.where}: expected 'mass type value', got 'mass {' '.join(c.words)}'") from None
+            raise c.error(f"expected 'mass type value', got 'mass {' '.join(c.words)}'") from None
         top = max(int(self.types.max(initial=1)), *self.type_masses, 1 if hi == np.inf else int(hi))
         if self.shown_types is not None and len(self.shown_types):
             top = max(top, int(self.shown_types.max()))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import AtcError
 from .atom_commands import SECTIONS
 from .atom_table import AtomTable
 from .regions import Trouble
@@ -19,23 +18,19 @@ class Bonds(AtomTable):
 
     def _delete_bonds(self, c):
         if len(c.words) < 2:
-            raise AtcError(f"{c.where}: expected 'delete_bonds group style ...'")
+            raise c.error("expected 'delete_bonds group style ...'")
         style, k = c.words[1], 2
         chosen = self.group(c.words[0])
-        sections = {"bond": ["Bonds"], "angle": ["Angles"], "dihedral": ["Dihedrals"], "improper": ["Impropers"]}.get(
-            style, list(SECTIONS)
-        )
+        sections = [s for s in SECTIONS if s[:-1].lower() == style] or list(SECTIONS)
         if style not in ("multi", "atom", "stats", "bond", "angle", "dihedral", "improper"):
-            raise AtcError(
-                f"{c.where}: delete_bonds {style}: expected multi, atom, bond, angle, dihedral, improper or stats"
-            )
+            raise c.error(f"delete_bonds {style}: expected multi, atom, bond, angle, dihedral, improper or stats")
         lo, hi = 0, np.inf
         if style not in ("multi", "stats"):
             lo, hi = self._span(c.words[2] if len(c.words) > 2 else "", style, 0)
             k = 3
         flags = set(c.words[k:])
         if flags - {"any", "undo", "remove", "special"}:
-            raise AtcError(f"{c.where}: delete_bonds: expected any, undo, remove, special, got {' '.join(c.words[k:])}")
+            raise c.error(f"delete_bonds: expected any, undo, remove, special, got {' '.join(c.words[k:])}")
         why = f"{c.where}: which {{}} are switched off is not known: {self.group_why.get(c.words[0], '')}"
         for s in sections if style != "stats" else []:
             types, members = self.bonded[s]
@@ -67,12 +62,7 @@ class Bonds(AtomTable):
 
     def _create_bonds(self, c):
         style = c.words[0] if c.words else ""
-        section = {
-            "single/bond": "Bonds",
-            "single/angle": "Angles",
-            "single/dihedral": "Dihedrals",
-            "single/improper": "Impropers",
-        }.get(style)
+        section = {f"single/{s[:-1].lower()}": s for s in SECTIONS}.get(style)
         if section is None:
             raise Trouble(f"create_bonds {style or 'without a style'} chooses pairs by distance")
         width = SECTIONS[section]
@@ -82,9 +72,7 @@ class Bonds(AtomTable):
         except ValueError:
             ids = []
         if len(ids) != width:
-            raise AtcError(
-                f"{c.where}: create_bonds {style}: expected a type and {width} atoms, got {' '.join(c.words[1:])}"
-            )
+            raise c.error(f"create_bonds {style}: expected a type and {width} atoms, got {' '.join(c.words[1:])}")
         if c.words[2 + width :] == ("special", "no"):
             self._keep_weights()
         else:

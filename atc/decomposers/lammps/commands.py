@@ -23,9 +23,8 @@ _CLASSES = {
         (
             "defines which forces act",
             "angle_coeff angle_style atom_style bond_coeff bond_style dielectric dihedral_coeff dihedral_style "
-            "dimension improper_coeff improper_style "
-            "kspace_modify kspace_style labelmap mass pair_coeff pair_modify pair_style read_data special_bonds units "
-            "clear",
+            "dimension improper_coeff improper_style kspace_modify kspace_style labelmap mass pair_coeff pair_modify "
+            "pair_style read_data special_bonds units clear",
         ),
     ),
     "atoms": (
@@ -53,9 +52,8 @@ _CLASSES = {
         (
             "measures or writes",
             "angle_write bond_write compute compute_modify dihedral_write dump dump_modify dynamical_matrix "
-            "dynamical_matrix/kk echo group2ndx info log pair_write "
-            "region2vmd restart third_order third_order/kk thermo thermo_modify thermo_style uncompute undump "
-            "write_coeff write_data write_dump write_restart fitpod "
+            "dynamical_matrix/kk echo group2ndx info log pair_write region2vmd restart third_order third_order/kk "
+            "thermo thermo_modify thermo_style uncompute undump write_coeff write_data write_dump write_restart fitpod "
             "derived_thermo geturl",
         ),
         (

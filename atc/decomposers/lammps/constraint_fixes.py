@@ -3,7 +3,6 @@ the ``fix rigid`` family say."""
 
 from __future__ import annotations
 
-from ...errors import AtcError
 from ..constraint_rules import SAME_MASS, Group, RigidMolecules, Shake
 from ..constraints import Constraints
 from .fixes import classify
@@ -14,22 +13,9 @@ _SHAKE_WORDS = {"mol": 1, "kbond": 1, "store": 1}
 _KINDS = {"b": "bond", "a": "angle", "t": "atom"}
 #: Words behind ``fix rigid`` with so many values: thermostats, barostats and what they need act on whole bodies.
 _RIGID_WORDS = {
-    "langevin": 4,
-    "reinit": 1,
-    "temp": 3,
-    "iso": 3,
-    "aniso": 3,
-    "x": 3,
-    "y": 3,
-    "z": 3,
-    "couple": 1,
-    "tparam": 3,
-    "pchain": 1,
-    "dilate": 1,
-    "infile": 1,
-    "mol": 1,
-    "gravity": 1,
-}
+    "langevin": 4, "reinit": 1, "temp": 3, "iso": 3, "aniso": 3, "x": 3, "y": 3, "z": 3, "couple": 1, "tparam": 3,
+    "pchain": 1, "dilate": 1, "infile": 1, "mol": 1, "gravity": 1,
+}  # fmt: skip
 
 
 def held(fixes) -> list[Command]:
@@ -52,7 +38,7 @@ def _count(c: Command) -> int:
     try:
         return int(c.words[4])
     except (IndexError, ValueError):
-        raise AtcError(f"{c.where}: fix {c.words[2]} group: expected a number of groups and their names") from None
+        raise c.error(f"fix {c.words[2]} group: expected a number of groups and their names") from None
 
 
 def needs_molecules(fixes) -> bool:
@@ -77,7 +63,7 @@ def constraints_of(fixes, groups, types_of, mass_unit: float, timestep) -> Const
     rules = []
     for c in held(fixes):
         if c.unknown:
-            raise AtcError(f"{c.where}: fix {c.words[2]}: {c.unknown}")
+            raise c.error(f"fix {c.words[2]}: {c.unknown}")
         make = _shake if c.words[2] in ("shake", "rattle") else _rigid
         rules.append(make(c, group, types_of, mass_unit))
     return Constraints(rules, timestep=timestep) if rules else None
@@ -86,9 +72,8 @@ def constraints_of(fixes, groups, types_of, mass_unit: float, timestep) -> Const
 def _shake(c: Command, group, types_of, mass_unit) -> Shake:
     style, words = c.words[2], c.words[6:]
     if len(words) < 2:
-        raise AtcError(
-            f"{c.where}: fix {style}: expected a tolerance, two numbers, and what is held: b, a, t or m with types or "
-            "masses"
+        raise c.error(
+            f"fix {style}: expected a tolerance, two numbers, and what is held: b, a, t or m with types or masses"
         )
     found: dict[str, list] = {"b": [], "a": [], "t": [], "m": []}
     kind, k = "", 0
@@ -99,28 +84,21 @@ def _shake(c: Command, group, types_of, mass_unit) -> Shake:
         elif w in _SHAKE_WORDS:
             k += _SHAKE_WORDS[w]
         elif not kind:
-            raise AtcError(f"{c.where}: fix {style}: expected b, a, t or m before {w!r}")
+            raise c.error(f"fix {style}: expected b, a, t or m before {w!r}")
         elif kind == "m":
             try:
                 found["m"].append(float(w))
             except ValueError:
-                raise AtcError(f"{c.where}: fix {style}: expected a mass, got {w!r}") from None
+                raise c.error(f"fix {style}: expected a mass, got {w!r}") from None
         else:
             span = types_of(_KINDS[kind], w, c.where)
             if span.hi is None or span.hi != span.lo:
-                raise AtcError(f"{c.where}: fix {style}: expected a single type behind {kind}, got {w!r}")
+                raise c.error(f"fix {style}: expected a single type behind {kind}, got {w!r}")
             found[kind].append(span.lo)
         k += 1
-    return Shake(
-        tuple(found["b"]),
-        tuple(found["a"]),
-        tuple(found["t"]),
-        tuple(m * mass_unit for m in found["m"]),
-        SAME_MASS * mass_unit,
-        group(c.words[1]),
-        style,
-        c.where,
-    )
+    masses = tuple(m * mass_unit for m in found["m"])
+    types = (tuple(found[kind]) for kind in "bat")
+    return Shake(*types, masses, SAME_MASS * mass_unit, group(c.words[1]), style, c.where)
 
 
 def _rigid(c: Command, group, types_of, mass_unit) -> RigidMolecules:
@@ -132,15 +110,15 @@ def _rigid(c: Command, group, types_of, mass_unit) -> RigidMolecules:
     elif body == "single":
         each = (group(c.words[1]),)
     elif body != "molecule":
-        raise AtcError(
-            f"{c.where}: fix {style} {body}: which atoms are a body is not known from what frames show: supported are "
+        raise c.error(
+            f"fix {style} {body}: which atoms are a body is not known from what frames show: supported are "
             "single, molecule and group"
         )
     k = 0
     while k < len(words):
         if words[k] not in _RIGID_WORDS:
-            raise AtcError(
-                f"{c.where}: fix {style} {words[k]} is not supported: parts of the forces on bodies are switched off, "
+            raise c.error(
+                f"fix {style} {words[k]} is not supported: parts of the forces on bodies are switched off, "
                 "or the word is not known"
             )
         k += 1 + _RIGID_WORDS[words[k]]

@@ -61,7 +61,7 @@ def take_data_file(c: Command, folder: Path, style_names) -> tuple[Path, list[Co
     try:
         commands = data_file_commands(path, {} if options.nocoeff else style_names)
     except AtcError as e:
-        raise AtcError(f"{c.where}: read_data: {e}") from None
+        raise c.error(f"read_data: {e}") from None
     return path, [_offset(k, options.offsets) for k in commands] if any(options.offsets.values()) else commands
 
 

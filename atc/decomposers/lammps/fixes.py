@@ -18,24 +18,19 @@ _CLASSES = {
         (
             "moves atoms, and the box: the frames show where they are",
             "nve nve/asphere nve/asphere/noforce nve/awpmd nve/body nve/bpm/sphere nve/dot nve/eff nve/limit nve/line "
-            "nve/noforce nve/sphere nve/spin nve/tri nvk "
-            "nvt nvt/asphere nvt/body nvt/eff nvt/sllod nvt/sllod/eff nvt/sphere nvt/uef npt npt/asphere npt/body "
-            "npt/cauchy npt/eff npt/sphere npt/uef "
-            "nph nph/asphere nph/body nph/eff nph/sphere nphug bocs msst qbmsst tgnpt/drude tgnvt/drude "
-            "drude/transform/direct drude/transform/inverse "
-            "press/berendsen press/langevin box/relax deform deform/pressure move meso/move python/move recenter "
-            "enforce2d ipi "
-            "pimd pimd/langevin pimd/langevin/bosonic pimd/nvt pimd/nvt/bosonic hmc tfmc brownian brownian/asphere "
-            "brownian/sphere mvv/dpd mvv/edpd mvv/tdpd "
-            "dpd/energy eos/cv eos/table eos/table/rx sph sph/stationary meso meso/stationary smd/integrate_tlsph "
-            "smd/integrate_ulsph smd/move_tri_surf smd/adjust_dt "
-            "wall/reflect wall/reflect/stochastic wall/piston wall/flow",
+            "nve/noforce nve/sphere nve/spin nve/tri nvk nvt nvt/asphere nvt/body nvt/eff nvt/sllod nvt/sllod/eff "
+            "nvt/sphere nvt/uef npt npt/asphere npt/body npt/cauchy npt/eff npt/sphere npt/uef nph nph/asphere "
+            "nph/body nph/eff nph/sphere nphug bocs msst qbmsst tgnpt/drude tgnvt/drude drude/transform/direct "
+            "drude/transform/inverse press/berendsen press/langevin box/relax deform deform/pressure move meso/move "
+            "python/move recenter enforce2d ipi pimd pimd/langevin pimd/langevin/bosonic pimd/nvt pimd/nvt/bosonic hmc "
+            "tfmc brownian brownian/asphere brownian/sphere mvv/dpd mvv/edpd mvv/tdpd dpd/energy eos/cv eos/table "
+            "eos/table/rx sph sph/stationary meso meso/stationary smd/integrate_tlsph smd/integrate_ulsph "
+            "smd/move_tri_surf smd/adjust_dt wall/reflect wall/reflect/stochastic wall/piston wall/flow",
         ),
         (
             "changes velocities, not forces",
-            "temp/berendsen temp/csld temp/csvr temp/rescale temp/rescale/eff ehex heat thermal/conductivity "
-            "viscosity momentum momentum/chunk lb/momentum oneway "
-            "smd/setvel ffl gld gle gjf",
+            "temp/berendsen temp/csld temp/csvr temp/rescale temp/rescale/eff ehex heat thermal/conductivity viscosity "
+            "momentum momentum/chunk lb/momentum oneway smd/setvel ffl gld gle gjf",
         ),
         (
             "follows temperatures or concentrations of atoms, on which no supported force depends",
@@ -48,10 +43,9 @@ _CLASSES = {
         (
             "measures or writes",
             "ave/atom ave/chunk ave/correlate ave/correlate/long ave/grid ave/histo ave/histo/weight ave/moments "
-            "ave/spatial ave/spatial/sphere ave/time vector print "
-            "store/force store/state phonon pair pair/tracker saed/vtk numdiff numdiff/virial nonaffine/displacement "
-            "mscg "
-            "reax/c/bonds reax/c/species reaxff/bonds reaxff/species widom",
+            "ave/spatial ave/spatial/sphere ave/time vector print store/force store/state phonon pair pair/tracker "
+            "saed/vtk numdiff numdiff/virial nonaffine/displacement mscg reax/c/bonds reax/c/species reaxff/bonds "
+            "reaxff/species widom",
         ),
         ("steers the run, not the forces", "halt dt/reset balance controller tune/kspace gpu omp intel"),
         ("holds numbers of atoms that no supported force uses", "property/atom"),
@@ -75,8 +69,7 @@ _CLASSES = {
         (
             "friction or noise",
             "langevin langevin/drude langevin/eff nve/dotc/langevin viscous viscous/sphere damping/cundall "
-            "electron/stopping electron/stopping/fit ttm ttm/grid ttm/mod "
-            "qtb shardlow",
+            "electron/stopping electron/stopping/fit ttm ttm/grid ttm/mod qtb shardlow",
         ),
         ("tethers atoms to places", "spring/self spring smd"),
     ),
@@ -97,9 +90,8 @@ _CLASSES = {
         ("changes coefficients while LAMMPS runs", "adapt adapt/fep alchemy ti/spring"),
         (
             "adds forces between atoms that follow from collective variables",
-            "colvars plumed spring/chunk spring/rg "
-            "rhok restrain hyper/global hyper/local "
-            "orient/bcc orient/eco orient/fcc",
+            "colvars plumed spring/chunk spring/rg rhok restrain hyper/global hyper/local orient/bcc orient/eco "
+            "orient/fcc",
         ),
         (
             "adds energies of two torsions that differ from those of the mirror image, so that they are no function of "
@@ -139,12 +131,9 @@ _CLASSES = {
 
 #: class → which properties of atoms are, from then on, only what the frames show
 REACH = {
-    "charges": ("charges",),
-    "types": ("types", "charges"),
-    "atoms": ("atoms", "charges", "bonds"),
-    "bonds": ("bonds", "types", "charges"),
-    "set": ("types", "charges", "molecules", "masses"),
-}
+    "charges": ("charges",), "types": ("types", "charges"), "atoms": ("atoms", "charges", "bonds"),
+    "bonds": ("bonds", "types", "charges"), "set": ("types", "charges", "molecules", "masses"),
+}  # fmt: skip
 
 #: fix → (class, reason)
 FIXES = {

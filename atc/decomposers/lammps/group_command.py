@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import AtcError
 from .atom_table import AtomTable, Group
 from .regions import Trouble
 
@@ -15,7 +14,7 @@ class Groups(AtomTable):
     def _group(self, c):
         name, style, args = (*c.words[:2], c.words[2:]) if len(c.words) > 1 else ("", "", ())
         if not style:
-            raise AtcError(f"{c.where}: group needs a name and a style")
+            raise c.error("group needs a name and a style")
         nobody = np.zeros(len(self.ids), bool)
         if style == "delete":
             self.groups.pop(name, None)
@@ -62,10 +61,8 @@ class Groups(AtomTable):
                 elif style == "intersect":
                     inside, unsure = inside & p.inside, maybe & (p.inside | p.unsure) & ~(inside & p.inside)
                 else:
-                    inside, unsure = (
-                        inside & ~(p.inside | p.unsure),
-                        maybe & ~p.inside & ~(inside & ~(p.inside | p.unsure)),
-                    )
+                    inside = inside & ~(p.inside | p.unsure)
+                    unsure = maybe & ~p.inside & ~inside
             return Group(inside, unsure), why
         raise Trouble(
             "its members change as the run goes"
@@ -76,13 +73,9 @@ class Groups(AtomTable):
     def _listed(self, args, kind):
         """A test of numbers from ``1 2 4:8:2`` or ``<= 5`` or ``<> 3 7``."""
         tests = {
-            "<": np.less,
-            "<=": np.less_equal,
-            ">": np.greater,
-            ">=": np.greater_equal,
-            "==": np.equal,
+            "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal,
             "!=": np.not_equal,
-        }
+        }  # fmt: skip
         label = "atom" if kind == "type" else ""
         try:
             if args[:1] and args[0] in tests:
@@ -93,11 +86,8 @@ class Groups(AtomTable):
                 return lambda v: (v >= lo) & (v <= hi)
             spans = []
             for w in args:
-                parts = (
-                    [int(self._label(label, p)) for p in w.split(":")]
-                    if w not in self.origin.labels.get(label, {})
-                    else [int(self._label(label, w))]
-                )
+                one = w in self.origin.labels.get(label, {})
+                parts = [int(self._label(label, p)) for p in ([w] if one else w.split(":"))]
                 lo, hi, step = (*parts, 1) if len(parts) == 2 else (parts[0], parts[0], 1) if len(parts) == 1 else parts
                 spans.append((lo, hi, max(step, 1)))
         except (ValueError, IndexError):

@@ -138,8 +138,8 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
                 (), tuple(f"fix {c.words[2]} ({short(c.where)}), not in all of the runs" for c in from_outside)
             )
     if choice.minimizes and (c := next((c for c in choice.state.held if c.words[2] in ("shake", "rattle")), None)):
-        raise AtcError(
-            f"{c.where}: fix {c.words[2]} holds bonds by springs of its own while LAMMPS minimizes, which are not "
+        raise c.error(
+            f"fix {c.words[2]} holds bonds by springs of its own while LAMMPS minimizes, which are not "
             "supported: name another run"
         )
     pot.constraints = constraints_of(
@@ -219,15 +219,8 @@ def _atom_style(model: _Model) -> tuple[str, ...]:
 
 #: LAMMPS's time step where a script has no ``timestep`` line, in its units.
 _TIMESTEPS = {
-    "lj": 0.005,
-    "real": 1.0,
-    "metal": 0.001,
-    "si": 1e-8,
-    "cgs": 1e-8,
-    "electron": 0.001,
-    "micro": 2.0,
-    "nano": 0.00045,
-}
+    "lj": 0.005, "real": 1.0, "metal": 0.001, "si": 1e-8, "cgs": 1e-8, "electron": 0.001, "micro": 2.0, "nano": 0.00045,
+}  # fmt: skip
 
 
 def _timestep(word: str | None, u: Units) -> float | None:
@@ -260,31 +253,31 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
             style = strip_suffix(c.words[0]) if c.words and c.name.endswith("_style") and kind in STYLES else "none"
             if "$" not in style and style != "none" and not style.startswith("hybrid"):
                 _builder(kind, style, c.where)  # that it is not supported is the better reason
-            raise AtcError(f"{c.where}: {c.unknown}")
+            raise c.error(f"{c.unknown}")
         if c.name.endswith("_style") and kind in STYLES:
             _take_style(model, kind, c)
         elif c.name.endswith("_coeff") and kind in STYLES:
             if kind not in model.styles:
-                raise AtcError(f"{c.where}: {c.name} before any {kind}_style: put the style first")
+                raise c.error(f"{c.name} before any {kind}_style: put the style first")
             model.styles[kind].lines.append(c)
             model.heavy += [c] if kind == "pair" else []
         elif c.name == "pair_modify":
             if "pair" not in model.styles:
-                raise AtcError(f"{c.where}: pair_modify before any pair_style: put the style first")
+                raise c.error("pair_modify before any pair_style: put the style first")
             model.styles["pair"].modify.append(c)
         elif c.name == "special_bonds":
             model.special.append(c)
         elif c.name == "dielectric":
             model.dielectric = _float(c, 0)
             if model.dielectric <= 0:
-                raise AtcError(f"{c.where}: the dielectric constant must be positive, got {c.words[0]}")
+                raise c.error(f"the dielectric constant must be positive, got {c.words[0]}")
         elif c.name == "kspace_style":
             model.kspace = None if c.words[:1] == ("none",) else c
         elif c.name == "kspace_modify":
             model.kspace_modify.append(c)
         elif c.name == "dimension":
             if c.words not in (("2",), ("3",)):
-                raise AtcError(f"{c.where}: expected dimension 2 or 3, got {' '.join(c.words) or 'nothing'}")
+                raise c.error(f"expected dimension 2 or 3, got {' '.join(c.words) or 'nothing'}")
             model.dimension = int(c.words[0])
         elif c.name == "atom_style":
             model.atom_style = tuple(strip_suffix(w) for w in c.words)
@@ -336,7 +329,7 @@ def _units(commands, name, given, script: bool = False) -> Units:
 
 def _take_style(model: _Model, kind: str, c: Command) -> None:
     if not c.words:
-        raise AtcError(f"{c.where}: {c.name} needs a style: one of {supported(kind)}")
+        raise c.error(f"{c.name} needs a style: one of {supported(kind)}")
     name, args = strip_suffix(c.words[0]), c.words[1:]
     old = model.styles.get(kind)
     if name == "none":
@@ -345,8 +338,8 @@ def _take_style(model: _Model, kind: str, c: Command) -> None:
         return
     if old is not None and old.name == name and old.lines and not name.startswith("hybrid"):
         # LAMMPS keeps the coefficients and resets their cutoffs here; which lines still hold is not for us to guess.
-        raise AtcError(
-            f"{c.where}: {c.name} {name} is given a second time ({old.where} was the first): keep the one that holds, "
+        raise c.error(
+            f"{c.name} {name} is given a second time ({old.where} was the first): keep the one that holds, "
             "with its coefficients"
         )
     # The same style again: LAMMPS goes on with it, and with what pair_modify said of it.
@@ -356,9 +349,8 @@ def _take_style(model: _Model, kind: str, c: Command) -> None:
 
 def _labelmap(model: _Model, c: Command) -> None:
     if not c.words or c.words[0] not in ("atom", *_BONDED) or len(c.words) % 2 == 0:
-        raise AtcError(
-            f"{c.where}: expected 'labelmap atom|bond|angle|dihedral|improper number label ...', got "
-            f"{' '.join(c.words)!r}"
+        raise c.error(
+            f"expected 'labelmap atom|bond|angle|dihedral|improper number label ...', got {' '.join(c.words)!r}"
         )
     for number, label in zip(c.words[1::2], c.words[2::2], strict=True):
         model.labels.setdefault(c.words[0], {})[label] = int(_number(number, c.where))
@@ -373,7 +365,7 @@ def _number(word: str, where: str) -> float:
 
 def _float(c: Command, k: int) -> float:
     if len(c.words) <= k:
-        raise AtcError(f"{c.where}: {c.name} needs {k + 1} argument{'s' if k else ''}")
+        raise c.error(f"{c.name} needs {k + 1} argument{'s' if k else ''}")
     return _number(c.words[k], c.where)
 
 
@@ -406,7 +398,7 @@ def _coeff_lines(model: _Model, style: _Style) -> list[CoeffLine]:
     kind = "atom" if style.kind == "pair" else style.kind
     for c in style.lines:
         if len(c.words) < width:
-            raise AtcError(f"{c.where}: {c.name} needs {width} type{'s' if width > 1 else ''} and the coefficients")
+            raise c.error(f"{c.name} needs {width} type{'s' if width > 1 else ''} and the coefficients")
         types = tuple(_types(model, kind, w, c.where) for w in c.words[:width])
         if width == 2 and types[0].lo == types[0].hi and types[1].lo == types[1].hi and types[0].lo > types[1].lo:
             types = types[::-1]
@@ -485,22 +477,9 @@ def _yes(word, what) -> bool:
 
 
 def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleInput:
-    return StyleInput(
-        kind=style.kind,
-        name=style.name,
-        args=style.args,
-        coeffs=tuple(lines),
-        n_types=n_types,
-        units=model.units,
-        folder=model.folder,
-        where=style.where,
-        dielectric=model.dielectric,
-        labels=model.labels,
-        masses=model.masses,
-        notes=model.notes,
-        pairs=model.pairs,
-        **more,
-    )
+    own = {key: getattr(style, key) for key in ("kind", "name", "args", "where")}
+    of_all = {key: getattr(model, key) for key in "units folder dielectric labels masses notes pairs".split()}
+    return StyleInput(coeffs=tuple(lines), n_types=n_types, **own, **of_all, **more)
 
 
 def _check_free(model: _Model, script_run: Interpreter, state: State, name: str) -> None:
@@ -569,9 +548,7 @@ def _long_range(model: _Model, terms, name: str) -> list[Term]:
     if found and model.exclusions:
         raise AtcError(
             f"{model.exclusions.where}: neigh_modify {model.exclusions.keyword} is not supported with long-range "
-            "Coulomb: LAMMPS leaves "
-            "out the near part of such pairs only, "
-            "which depends on its own alpha"
+            "Coulomb: LAMMPS leaves out the near part of such pairs only, which depends on its own alpha"
         )
     model.notes.extend(t.run.describe(model.units) for t in found)
     return found
@@ -582,12 +559,8 @@ _WHOLE = re.compile(r"(eam|meam|sw|tersoff|adp|edip|vashishta|airebo|comb|bop|re
 
 
 def _whole(style: _Style) -> bool:
-    names = (
-        [style.name]
-        if not style.name.startswith("hybrid")
-        else [w for w in map(strip_suffix, style.args) if w in STYLES["pair"]]
-    )
-    return all(map(_WHOLE.match, names))
+    subs = [w for w in map(strip_suffix, style.args) if w in STYLES["pair"]]
+    return all(map(_WHOLE.match, subs if style.name.startswith("hybrid") else [style.name]))
 
 
 def _check_restart(model: _Model) -> None:
@@ -600,10 +573,9 @@ def _check_restart(model: _Model) -> None:
     elif any(k in model.styles for k in _BONDED) and not model.special:
         what = "a special_bonds line"
     if what:
-        raise AtcError(
-            f"{c.where}: read_restart {' '.join(c.words[:1])}: the model is in a binary file, which is not read: add "
-            f"{what} behind it (LAMMPS's write_coeff "
-            "and write_data write what holds)"
+        raise c.error(
+            f"read_restart {' '.join(c.words[:1])}: the model is in a binary file, which is not read: add "
+            f"{what} behind it (LAMMPS's write_coeff and write_data write what holds)"
         )
 
 
@@ -621,11 +593,7 @@ class _PairBuild:
             self.hybrid = parse_hybrid(style, self.lines, apply_modify)
             self.lines = [line for _, line in self.hybrid.order]
             self.tail = any(s.modify.tail for s in self.hybrid.subs)
-            mapped = [
-                len(mapped_elements(s.name, line.words))
-                for s, line in self.hybrid.order
-                if s is not None and s.name in MAPPED_STYLES
-            ]
+            named = [(s.name, line) for s, line in self.hybrid.order if s is not None]
         else:
             self.modify = apply_modify(Modify(), [(c.words, c.where) for c in style.modify])
             self.tail, self.modify_compute = self.modify.tail, self.modify.compute
@@ -634,28 +602,19 @@ class _PairBuild:
                     f"{style.modify[-1].where}: pair_modify special goes with sub-styles of hybrid: 'pair_modify pair "
                     "<style> special ...'"
                 )
-            mapped = (
-                [len(mapped_elements(style.name, line.words)) for line in self.lines]
-                if style.name in MAPPED_STYLES
-                else []
-            )
+            named = [(style.name, line) for line in self.lines]
+        mapped = (len(mapped_elements(name, line.words)) for name, line in named if name in MAPPED_STYLES)
         self.n_types = max([_n_types(self.lines), *mapped])
 
     def __call__(self, n_types: int) -> list[PairStyle | Term]:
         model, style = self.model, self.style
         if self.hybrid is None:
-            return _as_list(
-                _builder("pair", style.name, style.where)(_input(model, style, self.lines, n_types, modify=self.modify))
-            )
+            return _built(model, style, self.lines, n_types, modify=self.modify)
         out = []
         for sub, wanted in zip(self.hybrid.subs, self.hybrid.masks(n_types), strict=True):
             own = _Style("pair", sub.name, sub.args, style.where)
             lines = sub.lines[-1:] if sub.name in MAPPED_STYLES else sub.lines
-            built = _as_list(
-                _builder("pair", sub.name, style.where)(
-                    _input(model, own, lines, n_types, modify=sub.modify, wanted=wanted)
-                )
-            )
+            built = _built(model, own, lines, n_types, modify=sub.modify, wanted=wanted)
             if sub.name in MAPPED_STYLES:
                 names = ("NULL", *mapped_elements(sub.name, lines[0].words))
                 mapped = np.array([t < len(names) and names[t] != "NULL" for t in range(n_types + 1)])
@@ -696,7 +655,9 @@ class _PairGrow:
         return [b for b in built if (b.water is not None) == self.on_sites]
 
 
-def _as_list(built) -> list:
+def _built(model: _Model, style: _Style, lines, n_types: int, **more) -> list:
+    """What a style's lines make: pair styles or terms."""
+    built = _builder(style.kind, style.name, style.where)(_input(model, style, lines, n_types, **more))
     return list(built) if isinstance(built, list | tuple) else [built]
 
 
@@ -806,8 +767,7 @@ class _Growing(Wrapper):
         self._grown = {}
 
     def _build(self, n_types):
-        style = self.style
-        term = _builder(style.kind, style.name, style.where)(_input(self.model, style, self.lines, n_types))
+        (term,) = _built(self.model, self.style, self.lines, n_types)
         for choice in self.choices:
             term = term.partitioned(*choice)
         return term
@@ -835,11 +795,11 @@ class _Growing(Wrapper):
 
 
 def _bonded_terms(model: _Model, style: _Style) -> list[Term]:
-    builder = _builder(style.kind, style.name, style.where)
+    _builder(style.kind, style.name, style.where)  # that it is not supported is the better reason
     lines = _coeff_lines(model, style)
     if not lines:
         raise AtcError(f"{style.where}: {style.kind}_style {style.name} has no {style.kind}_coeff lines: add them")
     n = _n_types(lines)
     if any(t.hi is None for line in lines for t in line.types):
         return [_Growing(model, style, lines, n)]
-    return _as_list(builder(_input(model, style, lines, n)))
+    return _built(model, style, lines, n)

@@ -40,14 +40,8 @@ class State:
     def __init__(
         self, model: list, atoms: list, fixes: tuple, where: str = "", name: str = "", timestep: str | None = None
     ):
-        self._model, self._atoms, self.fixes, self.where, self.name, self.timestep = (
-            model,
-            atoms,
-            fixes,
-            where,
-            name,
-            timestep,
-        )
+        self._model, self._atoms, self.fixes = model, atoms, fixes
+        self.where, self.name, self.timestep = where, name, timestep
         self._n_model, self._n_atoms = len(model), len(atoms)
 
     @property
@@ -196,9 +190,7 @@ class Interpreter:
         """Execute one line; the file and line to go on with if it jumps."""
         self._executed += 1
         if self._executed > MOST:
-            raise AtcError(
-                f"{line.where}: more than {MOST} commands are executed up to here: is this a loop without end?"
-            )
+            raise line.error(f"more than {MOST} commands are executed up to here: is this a loop without end?")
         name = line.head
         if name.startswith("$") or name[0] in "\"'":
             words = self._words(line)
@@ -240,7 +232,7 @@ class Interpreter:
         try:
             return split_words(self.variables.substitute(line.text), line.where)
         except Unknown as e:
-            raise AtcError(f"{line.where}: {e}") from None
+            raise line.error(f"{e}") from None
 
     def _known_words(self, line: Line) -> tuple[list[str], str | None]:
         """The words, with variables as they stand and the reason where these are not known."""
@@ -294,9 +286,7 @@ class Interpreter:
             for target in (self.model, self.atoms):
                 target.append(Command(name, tuple(words[1:]), line.where, why))
             return
-        raise AtcError(
-            f"{line.where}: {name}: {reason}, which is not supported: write the lines of the model that holds"
-        )
+        raise line.error(f"{name}: {reason}, which is not supported: write the lines of the model that holds")
 
     def _restore(self, file: str) -> bool:
         """Go on from a restart file that this script wrote, if it did."""
@@ -314,19 +304,17 @@ class Interpreter:
         words, why = self._known_words(line)
         if name == "unfix":
             if why:
-                raise AtcError(f"{line.where}: {why}")
+                raise line.error(f"{why}")
             self._set_fixes({k: c for k, c in self.fixes.items() if k != (words[1] if len(words) > 1 else "")})
             return
         if len(words) < 4:
-            raise AtcError(
-                f"{line.where}: fix needs a name, a group and a style, got {' '.join(words[1:]) or 'nothing'}"
-            )
+            raise line.error(f"fix needs a name, a group and a style, got {' '.join(words[1:]) or 'nothing'}")
         style = strip_suffix(words[3])
         if "$" in words[3] or "$" in words[1]:
-            raise AtcError(f"{line.where}: {why}")
+            raise line.error(f"{why}")
         if classify(style, words[4:]) is None:
-            raise AtcError(
-                f"{line.where}: fix {words[3]} is no fix of LAMMPS that atc knows, so whether it changes forces is "
+            raise line.error(
+                f"fix {words[3]} is no fix of LAMMPS that atc knows, so whether it changes forces is "
                 "not known: leave it out if it does not"
             )
         self._set_fixes(
@@ -397,8 +385,7 @@ class Interpreter:
     def _label(self, line, file, p):
         pass
 
-    def _print(self, line, file, p):
-        pass
+    _print = _label
 
     def _quit(self, line, file, p):
         raise _Quit
@@ -407,14 +394,14 @@ class Interpreter:
         words, why = self._known_words(line)
         if words[1:2] == ["cd"]:
             if why or len(words) != 3:
-                raise AtcError(f"{line.where}: shell cd: {why or 'expected a folder'}")
+                raise line.error(f"shell cd: {why or 'expected a folder'}")
             self.folder = self._find(words[2])
 
     def _python(self, line, file, p):
         words, _ = self._known_words(line)
         if "SELF" in words[2:]:
-            raise AtcError(
-                f"{line.where}: python {words[1]} gets LAMMPS itself (SELF), so it may change anything: write the "
+            raise line.error(
+                f"python {words[1]} gets LAMMPS itself (SELF), so it may change anything: write the "
                 "lines of the model that holds"
             )
 
@@ -425,7 +412,7 @@ class Interpreter:
     def _include(self, line, file, p):
         words = self._words(line)
         if len(words) < 2:
-            raise AtcError(f"{line.where}: include needs a file name")
+            raise line.error("include needs a file name")
         self._file(self._load(words[1], line.where))
 
     def _jump(self, line, file, p):
@@ -434,7 +421,7 @@ class Interpreter:
             return None
         words = self._words(line)
         if len(words) < 2:
-            raise AtcError(f"{line.where}: jump needs a file name, or SELF")
+            raise line.error("jump needs a file name, or SELF")
         target, at = self._target(words, line, file)
         if target is file and at <= p and self._executed > PATIENCE:
             span = file.lines[at : p + 1]
@@ -452,12 +439,12 @@ class Interpreter:
         else:
             path = self._find(name)
             if not path.is_file():
-                raise AtcError(f"{line.where}: jump to another file, {name}, which is not there (looked for {path})")
+                raise line.error(f"jump to another file, {name}, which is not there (looked for {path})")
             target = self._load(name, line.where)
         if label is None:
             return target, 0
         if label not in target.labels:
-            raise AtcError(f"{line.where}: jump to the label {label}, which is not there: add 'label {label}'")
+            raise line.error(f"jump to the label {label}, which is not there: add 'label {label}'")
         return target, target.labels[label]
 
     def _is_other(self, name, file) -> bool:
@@ -495,9 +482,7 @@ class Interpreter:
                 condition = words[k]
                 k += 1
                 if keyword == "if" and words[k : k + 1] != ["then"]:
-                    raise AtcError(
-                        f"{line.where}: expected 'if <condition> then <command> ...', got {' '.join(words[:4])}"
-                    )
+                    raise line.error(f"expected 'if <condition> then <command> ...', got {' '.join(words[:4])}")
                 k += keyword == "if"
             commands = []
             while k < len(words) and words[k] not in ("elif", "else"):
@@ -507,7 +492,7 @@ class Interpreter:
             keyword = words[k] if k < len(words) else ""
             k += 1
         if not branches:
-            raise AtcError(f"{line.where}: expected 'if <condition> then <command> ...'")
+            raise line.error("expected 'if <condition> then <command> ...'")
         return words, branches
 
     # What may or may not be executed
@@ -525,17 +510,17 @@ class Interpreter:
         if name == "jump":
             words, unknown = self._known_words(line)
             if unknown:
-                raise AtcError(f"{line.where}: {unknown}")
+                raise line.error(f"{unknown}")
             target, at = self._target(words, line, file)
             if target is not file:
-                raise AtcError(f"{line.where}: jump to another file depends on a condition that is not known: {why}")
+                raise line.error(f"jump to another file depends on a condition that is not known: {why}")
             span = file.lines[min(at, p + 1) : max(at, p + 1)]
             self._executed += len(span)
             found = self._changing(span)
             if found is not None:
                 word = "repeats" if at <= p else "skips"
-                raise AtcError(
-                    f"{line.where}: whether this jump {word} {found.head!r} ({found.where}) is not known: {why}: "
+                raise line.error(
+                    f"whether this jump {word} {found.head!r} ({found.where}) is not known: {why}: "
                     "write the model without it"
                 )
             self._forget(span, f"depends on a condition ({line.where})")
@@ -548,9 +533,8 @@ class Interpreter:
                 )
             )
         elif found is not None:
-            raise AtcError(
-                f"{line.where}: {name!r} depends on a condition that is not known: {why}: write the line that holds "
-                "without 'if'"
+            raise line.error(
+                f"{name!r} depends on a condition that is not known: {why}: write the line that holds without 'if'"
             )
         self._forget([line], f"depends on a condition ({line.where})")
 

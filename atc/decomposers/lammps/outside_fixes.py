@@ -16,12 +16,9 @@ from .script import Command, short
 _FACES = {f"{'xyz'[k]}{end}": (k, side) for k in range(3) for end, side in (("lo", -1), ("hi", 1))}
 #: Numbers of each wall behind face and place, the cutoff last.
 _WALLS = {
-    "wall/lj93": ("energy", "length"),
-    "wall/lj126": ("energy", "length"),
-    "wall/lj1043": ("energy", "length"),
-    "wall/harmonic": ("stiffness", None),
-    "wall/morse": ("energy", "1/length", "length"),
-}
+    "wall/lj93": ("energy", "length"), "wall/lj126": ("energy", "length"), "wall/lj1043": ("energy", "length"),
+    "wall/harmonic": ("stiffness", None), "wall/morse": ("energy", "1/length", "length"),
+}  # fmt: skip
 
 
 class _NotUnderstood(Exception):
@@ -56,13 +53,8 @@ def _laws(c: Command, group: Group, u: Units, lattice: bool) -> list[Law]:
         return [Constant(**said, vector=tuple(force * _number(w) for w in words[:3]))]
     if style in ("setforce", "aveforce"):
         _only(words[3:])
-        return [
-            Put(
-                **said,
-                values=tuple(None if w == "NULL" else force * _number(w) for w in words[:3]),
-                mean=style == "aveforce",
-            )
-        ]
+        values = tuple(None if w == "NULL" else force * _number(w) for w in words[:3])
+        return [Put(**said, values=values, mean=style == "aveforce")]
     if style == "freeze":
         return [Put(**said, values=(0.0, 0.0, 0.0))]
     if style in ("lineforce", "planeforce"):

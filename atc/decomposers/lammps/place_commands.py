@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import AtcError
 from .atom_commands import PROPERTIES, SECTIONS
 from .atom_table import AtomTable, Group, rows_of
 from .regions import Trouble
@@ -126,7 +125,7 @@ class Places(AtomTable):
         elif what == "mol":
             self._reset_mol_ids(c)
         elif what != "image":
-            raise AtcError(f"{c.where}: expected 'reset_atoms id', 'image' or 'mol'")
+            raise c.error("expected 'reset_atoms id', 'image' or 'mol'")
 
     def _reset_mol_ids(self, c):
         self._taint("molecules", self.alive.copy(), f"{c.where}: {c.name} numbers molecules anew")
@@ -135,7 +134,7 @@ class Places(AtomTable):
 
     def _displace_atoms(self, c):
         if len(c.words) < 5:
-            raise AtcError(f"{c.where}: expected 'displace_atoms group style ...'")
+            raise c.error("expected 'displace_atoms group style ...'")
         g = self.group(c.words[0])
         box = "box" in c.words[5:]
         if c.words[1] != "move" or (not box and self.spacing is None):

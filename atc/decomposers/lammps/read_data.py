@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import AtcError
 from .atom_commands import SECTIONS
 from .regions import Trouble
 from .script import Command
@@ -34,7 +33,7 @@ class DataOptions:
 def data_options(c: Command, folder: Path) -> DataOptions:
     """The words of a ``read_data`` command. AtcError for what LAMMPS does not know."""
     if not c.words:
-        raise AtcError(f"{c.where}: read_data needs the name of a data file")
+        raise c.error("read_data needs the name of a data file")
     path = Path(c.words[0]).expanduser()
     out = DataOptions(path if path.is_absolute() else folder / path)
     words, k = c.words, 1
@@ -45,8 +44,8 @@ def data_options(c: Command, folder: Path) -> DataOptions:
         except ValueError:
             values = ()
         if len(values) != n:
-            raise AtcError(
-                f"{c.where}: read_data {words[at - 1]}: expected {n} number{'s' * (n > 1)}, got "
+            raise c.error(
+                f"read_data {words[at - 1]}: expected {n} number{'s' * (n > 1)}, got "
                 f"{' '.join(words[at : at + n]) or 'nothing'}"
             )
         return values
@@ -82,7 +81,7 @@ def data_options(c: Command, folder: Path) -> DataOptions:
                 out.nocoeff = True
             k += 1 + _WORDS[key]
         else:
-            raise AtcError(f"{c.where}: read_data {key}: expected add, offset, shift, extra/..., group, nocoeff or fix")
+            raise c.error(f"read_data {key}: expected add, offset, shift, extra/..., group, nocoeff or fix")
     return out
 
 
@@ -116,9 +115,8 @@ def read_data(atoms, c: Command) -> None:
     masses = None if data.per_atom_mass is None else data.per_atom_mass / atoms.origin.mass_unit
     ids = data.ids + shift_id
     if np.isin(ids, atoms.ids[atoms.alive]).any():
-        raise AtcError(
-            f"{c.where}: read_data: atom {ids[np.isin(ids, atoms.ids[atoms.alive])][0]} of {options.file} is there "
-            "already"
+        raise c.error(
+            f"read_data: atom {ids[np.isin(ids, atoms.ids[atoms.alive])][0]} of {options.file} is there already"
         )
     new = atoms._add(
         ids,

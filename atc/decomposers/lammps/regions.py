@@ -155,14 +155,9 @@ class Region:
 #: style → which of its numbers are lengths along which axis ("c1": the first axis across; "d": along the axis), in
 #: order
 _SCALES = {
-    "block": "xxyyzz",
-    "sphere": "xyzx",
-    "ellipsoid": "xyzxyz",
-    "cylinder": "12 1dd".replace(" ", ""),
-    "cone": "1211dd",
-    "plane": "xyzxyz",
-    "prism": "xxyyzzxxy",
-}
+    "block": "xxyyzz", "sphere": "xyzx", "ellipsoid": "xyzxyz", "cylinder": "12 1dd".replace(" ", ""), "cone": "1211dd",
+    "plane": "xyzxyz", "prism": "xxyyzzxxy",
+}  # fmt: skip
 _KEYWORDS = {"side": 1, "units": 1, "move": 3, "rotate": 7, "open": 1}
 
 

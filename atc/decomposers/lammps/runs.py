@@ -79,10 +79,9 @@ def _distinct_models(states, name) -> list[int]:
 def _differ(states, i: int, k: int) -> AtcError:
     c = _difference(states[i], states[k])
     words = c.words[2:3] if c.name == "fix" else c.words[:3]
-    return AtcError(
-        f"{c.where}: {c.name} {' '.join(words)} holds in run {k + 1} ({states[k].where}), not in run {i + 1} "
-        f"({states[i].where}): "
-        f"say which run the frames belong to, e.g. run = {k + 1} in [potential]"
+    return c.error(
+        f"{c.name} {' '.join(words)} holds in run {k + 1} ({states[k].where}), not in run {i + 1} "
+        f"({states[i].where}): say which run the frames belong to, e.g. run = {k + 1} in [potential]"
     )
 
 
@@ -206,17 +205,15 @@ def check_spins_push(choice: Choice, name: str) -> None:
             words = c.words[3:]
             said = words[words.index("lattice") + 1 : words.index("lattice") + 2] if "lattice" in words else ("moving",)
             if said[:1] not in (("moving",), ("yes",)):
-                raise AtcError(
-                    f"{c.where}: fix nve/spin lattice {' '.join(said)}: LAMMPS then computes no forces of spins on "
-                    "atoms, so that there is no stress of theirs: "
-                    "it does with lattice moving"
+                raise c.error(
+                    f"fix nve/spin lattice {' '.join(said)}: LAMMPS then computes no forces of spins on "
+                    "atoms, so that there is no stress of theirs: it does with lattice moving"
                 )
             moving = True
     if not moving:
         raise AtcError(
             f"{name}: LAMMPS computes forces of spins on atoms only with fix nve/spin ... lattice moving, which this "
-            "run has not: "
-            "add it before the run to see the stress that belongs to them"
+            "run has not: add it before the run to see the stress that belongs to them"
         )
 
 

@@ -30,6 +30,9 @@ class Command:
     where: str
     unknown: str | None = None
 
+    def error(self, message: str) -> AtcError:
+        return AtcError(f"{self.where}: {message}")
+
 
 @dataclass(frozen=True)
 class Line:
@@ -37,6 +40,8 @@ class Line:
 
     text: str
     where: str
+
+    error = Command.error
 
     @property
     def head(self) -> str:

@@ -137,7 +137,7 @@ class Setup:
                     data.use_molecules(self._templates())
                 data.use_units(units(self.units))
             except AtcError as e:
-                raise AtcError(f"{c.where}: read_data: {e}") from None
+                raise c.error(f"read_data: {e}") from None
             self._files[path] = data
         return self._files[path]
 
@@ -312,9 +312,8 @@ class Setup:
         if not found.all() and table.complete and self.data_files and self.missing_or_none(table) is None:
             raise AtcError(
                 f"{frame.source}: atom {frame.ids[~found][0]} is not among the atoms of {self.name} "
-                f"({', '.join(p.name for p in self.data_files)}): "
-                "they belong to different systems; where only the model of the script is meant, write its lines into "
-                "lammps of [potential]"
+                f"({', '.join(p.name for p in self.data_files)}): they belong to different systems; where only the "
+                "model of the script is meant, write its lines into lammps of [potential]"
             )
         if table.may_miss or self.may_lose or not self.data_files or self.missing_or_none(table) is not None:
             return
@@ -385,8 +384,7 @@ class Setup:
                 back = 1.0 if p in ("types", "molecules") else getattr(u, {"charges": "charge", "masses": "mass"}[p])
                 raise AtcError(
                     f"{frame.source}: {file} gives atom {frame.ids[a]} the {_SAYS[p]} {old[a] / back:g}, {self.name} "
-                    f"the {_SAYS[p]} {values[a] / back:g}{by}: "
-                    "name the data file of this run, or none"
+                    f"the {_SAYS[p]} {values[a] / back:g}{by}: name the data file of this run, or none"
                 )
         return values
 

@@ -7,14 +7,9 @@ from .commands import _CLASSES as COMMAND_CLASSES
 from .fixes import _CLASSES as FIX_CLASSES
 
 _COMMANDS = {
-    "model": "understood",
-    "atoms": "understood, or unknown with the reason",
-    "control": "executed",
-    "run": "a run",
-    "fix": "see below",
-    "harmless": "changes no force of a frame",
-    "refused": "refused",
-}
+    "model": "understood", "atoms": "understood, or unknown with the reason", "control": "executed", "run": "a run",
+    "fix": "see below", "harmless": "changes no force of a frame", "refused": "refused",
+}  # fmt: skip
 _FIXES = {
     "harmless": "changes no force of a frame",
     "outside": "a force from outside: noted, no part of the stress",

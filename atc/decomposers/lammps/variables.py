@@ -39,22 +39,13 @@ _FUNCTIONS = {
 }
 # LAMMPS's order (Variable::evaluate): all binary operators associate to the left, unary minus and ! bind tightest.
 _BINARY = {
-    "||": (1, lambda a, b: float(bool(a) or bool(b))),
-    "|^": (1, lambda a, b: float(bool(a) != bool(b))),
-    "&&": (2, lambda a, b: float(bool(a) and bool(b))),
-    "==": (3, lambda a, b: float(a == b)),
-    "!=": (3, lambda a, b: float(a != b)),
-    "<": (4, lambda a, b: float(a < b)),
-    "<=": (4, lambda a, b: float(a <= b)),
-    ">": (4, lambda a, b: float(a > b)),
-    ">=": (4, lambda a, b: float(a >= b)),
-    "+": (5, lambda a, b: a + b),
-    "-": (5, lambda a, b: a - b),
-    "*": (6, lambda a, b: a * b),
-    "/": (6, lambda a, b: a / b),
-    "%": (6, math.fmod),
+    "||": (1, lambda a, b: float(bool(a) or bool(b))), "|^": (1, lambda a, b: float(bool(a) != bool(b))),
+    "&&": (2, lambda a, b: float(bool(a) and bool(b))), "==": (3, lambda a, b: float(a == b)),
+    "!=": (3, lambda a, b: float(a != b)), "<": (4, lambda a, b: float(a < b)), "<=": (4, lambda a, b: float(a <= b)),
+    ">": (4, lambda a, b: float(a > b)), ">=": (4, lambda a, b: float(a >= b)), "+": (5, lambda a, b: a + b),
+    "-": (5, lambda a, b: a - b), "*": (6, lambda a, b: a * b), "/": (6, lambda a, b: a / b), "%": (6, math.fmod),
     "^": (7, math.pow),
-}
+}  # fmt: skip
 
 
 #: A line with its variables put in is no longer than this, and a formula needs no more evaluations of other variables.

@@ -114,13 +114,11 @@ class EdgeModel(Term):
             "energy_path": "edges from neighbour to centre" if self.hops == 1 else "edges of the model, layer by layer",
             "precision": self.precision,
         }
-        if self.reference is None:
-            out["energy_reference"] = "the model's own zero, which may hold energies of single atoms (E0)"
-        else:
+        out["energy_reference"] = "the model's own zero, which may hold energies of single atoms (E0)"
+        if self.reference is not None:
             names = self.species or [str(k) for k in self.reference]
-            out["energy_reference"] = "energies of atoms less " + ", ".join(
-                f"{n}: {e:.10g}" for n, e in zip(names, self.reference.values(), strict=True)
-            )
+            less = (f"{n}: {e:.10g}" for n, e in zip(names, self.reference.values(), strict=True))
+            out["energy_reference"] = f"energies of atoms less {', '.join(less)}"
         return out
 
     def _reference(self, reference):
@@ -132,11 +130,8 @@ class EdgeModel(Term):
                 raise AtcError(
                     f'{self.name}: reference="isolated" needs species= or types=, to know which atoms there are'
                 )
-            numbers = (
-                range(len(self.species))
-                if self.species is not None
-                else sorted({t for t in self.types if t is not None})
-            )
+            known = range(len(self.species)) if self.species is not None else self.types
+            numbers = sorted({t for t in known if t is not None})
             return {k: self._alone(k) for k in numbers}
         if not isinstance(reference, Mapping):
             raise AtcError(
@@ -154,9 +149,8 @@ class EdgeModel(Term):
         return {k: out.get(k, 0.0) for k in range(len(self.species))} if self.species is not None else out
 
     def _alone(self, number: int) -> float:
-        part = Part(
-            np.zeros(1, int), slice(None), np.zeros(0, int), np.zeros(0, int), np.zeros((0, 3)), np.ones(1, bool)
-        )
+        none = np.zeros(0, int)
+        part = Part(np.zeros(1, int), slice(None), none, none, np.zeros((0, 3)), np.ones(1, bool))
         place = Place(np.zeros((1, 3)), np.eye(3), np.zeros(3, bool))
         found = self.evaluate(part, np.array([number]), place, None, "an atom alone")
         return float(found.energy_n[0])
@@ -272,7 +266,6 @@ class EdgeModel(Term):
         return batch
 
     def __getstate__(self):
-        state = dict(self.__dict__)
         try:
             pickle.dumps(self.energies)
         except Exception:
@@ -280,7 +273,7 @@ class EdgeModel(Term):
                 f"{self.name}: its function cannot be sent to other processes: define it in a module, or use threads "
                 "instead of workers"
             ) from None
-        return state
+        return dict(self.__dict__)
 
 
 def _unpacked(energies):
@@ -373,11 +366,9 @@ class _EdgeWork(Work):
         compare = term.own is not None and term._evaluated % COMPARE_EVERY == 0
         term._evaluated += 1
         batch = term.look(edges, self.species, place, source, moving) if n else None
-        parts = (
-            [edges.whole()]
-            if batch is None
-            else (edges.around(np.arange(k, min(n, k + batch)), term.hops) for k in range(0, n, batch))
-        )
+        parts = [edges.whole()]
+        if batch is not None:
+            parts = (edges.around(np.arange(k, min(n, k + batch)), term.hops) for k in range(0, n, batch))
         energy_n, share_n = np.zeros(n), np.zeros(n)
         self.g_ec, self.a_e = np.zeros((len(edges), 3)), np.zeros(len(edges)) if moving else None
         for part in parts:
@@ -422,15 +413,8 @@ class _EdgeWork(Work):
         there, back = edges.there[p], edges.back[p]
         D = np.stack([self.g_ec[there], self.g_ec[back]], axis=1)
         P = self.a_e[there] - self.a_e[back] if self.a_e is not None and self.term.hops > 1 else None
-        return Bonds(
-            near.atom[near.a[p]],
-            near.atom[near.b[p]],
-            near.r_pc[p],
-            np.full(len(there), np.nan),  # the force is not along the bond
-            D if acc.sources else None,
-            D[:, 0] - D[:, 1],
-            P,
-        )
+        i, j, none = near.atom[near.a[p]], near.atom[near.b[p]], np.full(len(there), np.nan)  # not along the bond
+        return Bonds(i, j, near.r_pc[p], none, D if acc.sources else None, D[:, 0] - D[:, 1], P)
 
     def _stars(self, task, acc):
         from .stars import Torque, tensions

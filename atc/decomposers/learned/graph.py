@@ -60,24 +60,12 @@ class Edges:
         which = np.flatnonzero(taken)
         counted = np.zeros(int(seen.sum()), bool)
         counted[place[atoms]] = True
-        return Part(
-            np.flatnonzero(seen),
-            which,
-            place[self.centre[which]],
-            place[self.neighbour[which]],
-            self.r_ec[which],
-            counted,
-        )
+        ends = place[self.centre[which]], place[self.neighbour[which]]
+        return Part(np.flatnonzero(seen), which, *ends, self.r_ec[which], counted)
 
     def whole(self) -> Part:
-        return Part(
-            np.arange(self.n),
-            slice(None),
-            self.centre,
-            self.neighbour,
-            self.r_ec,
-            np.ones(self.n, bool),
-        )
+        every = np.ones(self.n, bool)
+        return Part(np.arange(self.n), slice(None), self.centre, self.neighbour, self.r_ec, every)
 
     def _of(self, centres) -> np.ndarray:
         """The edges of these centres."""

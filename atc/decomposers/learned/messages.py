@@ -133,10 +133,8 @@ def gradient(energies, at: Inputs, velocities_nc=None) -> Gradient:
     counted = at.counted
     energy_n = torch.where(counted, U_n.detach(), torch.zeros_like(U_n.detach())).cpu().numpy()
     if not len(at.r_ec):
-        none = np.zeros((0, 3))
-        return Gradient(
-            energy_n, none, 0.0, Rates(np.zeros(0), np.zeros(len(at)), 0) if velocities_nc is not None else None
-        )
+        rates = Rates(np.zeros(0), np.zeros(len(at)), 0) if velocities_nc is not None else None
+        return Gradient(energy_n, np.zeros((0, 3)), 0.0, rates)
     if not U_n.requires_grad:
         raise NoGradient(
             "energies do not depend on the edges by torch's automatic differentiation (detached, or no_grad)"

@@ -21,13 +21,8 @@ class _Energies:
     def __call__(self, at):
         from nequip.data import AtomicDataDict as keys
 
-        out = self.energy(
-            {
-                keys.EDGE_VECTORS_KEY: at.r_ec,
-                keys.EDGE_INDEX_KEY: _stacked(at.centre, at.neighbour),
-                keys.ATOM_TYPE_KEY: at.types_n,
-            }
-        )
+        edges = {keys.EDGE_VECTORS_KEY: at.r_ec, keys.EDGE_INDEX_KEY: _stacked(at.centre, at.neighbour)}
+        out = self.energy({**edges, keys.ATOM_TYPE_KEY: at.types_n})
         return out[keys.PER_ATOM_ENERGY_KEY].reshape(-1).to(at.dtype)
 
     def own(self, x_nc, cell, periodic, species_n, term):
@@ -56,11 +51,8 @@ class _Energies:
             return out[key].detach().cpu().numpy().astype(float) if key in out else None
 
         virial = numbers(keys.VIRIAL_KEY)
-        return (
-            float(numbers(keys.TOTAL_ENERGY_KEY).sum()),
-            numbers(keys.FORCE_KEY),
-            None if virial is None else -virial.reshape(3, 3),
-        )
+        virial = None if virial is None else -virial.reshape(3, 3)
+        return float(numbers(keys.TOTAL_ENERGY_KEY).sum()), numbers(keys.FORCE_KEY), virial
 
 
 def _stacked(centre, neighbour):
@@ -125,6 +117,7 @@ def nequip(
     if hops is None:
         hops = _hops(model, name)
     energies = _Energies(model, energy)
+    shared = {"types": types, "stress": stress, "reference": reference, "batch": batch, "device": device}
     term = EdgeModel(
         energies,
         float(metadata["r_max"]),
@@ -133,9 +126,7 @@ def nequip(
         types=types,
         stress=stress,
         species=metadata["type_names"].split(),
-        reference=reference,
-        batch=batch,
-        device=device,
+        **shared,
         precision=precision,
         name=f"NequIP {name}" if path is not None else "NequIP",
         own=energies.own,

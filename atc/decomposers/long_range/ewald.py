@@ -89,8 +89,7 @@ class LongRangeCoulomb(Term):
         if self.slab is None and not periodic.all():
             raise AtcError(
                 f"{frame.source}: axis {'xyz'[int(np.argmin(periodic))]} of the cell is open, and kspace_style needs "
-                "all three to be periodic: with "
-                "boundary p p f add 'kspace_modify slab 3.0', as LAMMPS does"
+                "all three to be periodic: with boundary p p f add 'kspace_modify slab 3.0', as LAMMPS does"
             )
         if self.slab is not None:
             if not (periodic[:2].all() and not periodic[2]):
@@ -109,8 +108,7 @@ class LongRangeCoulomb(Term):
         if not abs(total) <= NEUTRAL:
             raise AtcError(
                 f"{frame.source}: the cell has a charge of {total:.6g}, and Ewald sums of cells that are not neutral "
-                "are not supported: their pressure is that of a "
-                "background that no atom carries"
+                "are not supported: their pressure is that of a background that no atom carries"
             )
 
     def _check_types(self, frame: Frame) -> None:

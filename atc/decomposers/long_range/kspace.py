@@ -23,28 +23,11 @@ _REFUSED = {
 }
 #: keyword: how many values it has. Those that steer how the run computed the sum, not which.
 _HARMLESS = {
-    "collective": 1,
-    "cutoff/adjust": 1,
-    "diff": 1,
-    "disp/auto": 1,
-    "fftbench": 1,
-    "force/disp/real": 1,
-    "force/disp/kspace": 1,
-    "gewald": 1,
-    "gewald/disp": 1,
-    "kmax/ewald": 3,
-    "kmax/ewald/disp": 3,
-    "mesh": 3,
-    "mesh/disp": 3,
-    "minorder": 1,
-    "mix/disp": 1,
-    "order": 1,
-    "order/disp": 1,
-    "overlap": 1,
-    "pressure/scalar": 1,
-    "splittol": 1,
-    "eigtol": 1,
-}
+    "collective": 1, "cutoff/adjust": 1, "diff": 1, "disp/auto": 1, "fftbench": 1, "force/disp/real": 1,
+    "force/disp/kspace": 1, "gewald": 1, "gewald/disp": 1, "kmax/ewald": 3, "kmax/ewald/disp": 3, "mesh": 3,
+    "mesh/disp": 3, "minorder": 1, "mix/disp": 1, "order": 1, "order/disp": 1, "overlap": 1, "pressure/scalar": 1,
+    "splittol": 1, "eigtol": 1,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -81,8 +64,8 @@ class Kspace:
         try:
             accuracy = float(c.words[1])
         except (IndexError, ValueError):
-            raise AtcError(
-                f"{c.where}: kspace_style {name} needs its accuracy, a number such as 1e-4, got "
+            raise c.error(
+                f"kspace_style {name} needs its accuracy, a number such as 1e-4, got "
                 f"{' '.join(c.words[1:]) or 'nothing'}"
             ) from None
         slab, force = self._modified(units)
@@ -99,7 +82,7 @@ class Kspace:
                 if key in _HARMLESS:
                     n = _HARMLESS[key]
                     if len(words) < n:
-                        raise AtcError(f"{c.where}: kspace_modify {key} needs {n} value{'s' * (n > 1)}")
+                        raise c.error(f"kspace_modify {key} needs {n} value{'s' * (n > 1)}")
                     del words[:n]
                     continue
                 value = words.pop(0) if words else ""
@@ -111,14 +94,13 @@ class Kspace:
                 elif key == "compute" and value in ("yes", "on", "true"):
                     continue
                 elif key == "compute":
-                    raise AtcError(
-                        f"{c.where}: kspace_modify compute {value}: without the smooth part the forces depend on the "
+                    raise c.error(
+                        f"kspace_modify compute {value}: without the smooth part the forces depend on the "
                         "run's own alpha, which its lines do not say"
                     )
                 else:
-                    raise AtcError(
-                        f"{c.where}: kspace_modify {key} is not supported: expected slab, force, "
-                        f"{', '.join(sorted(_HARMLESS))}"
+                    raise c.error(
+                        f"kspace_modify {key} is not supported: expected slab, force, {', '.join(sorted(_HARMLESS))}"
                     )
         return slab, force
 
@@ -126,20 +108,19 @@ class Kspace:
         try:
             return float(value)
         except ValueError:
-            raise AtcError(f"{c.where}: kspace_modify {key}: expected a number, got {value or 'nothing'}") from None
+            raise c.error(f"kspace_modify {key}: expected a number, got {value or 'nothing'}") from None
 
     def _slab(self, c, value):
         if value == "nozforce":
-            raise AtcError(
-                f"{c.where}: kspace_modify slab nozforce is not supported: without its forces along z the sum has no "
-                "energy"
+            raise c.error(
+                "kspace_modify slab nozforce is not supported: without its forces along z the sum has no energy"
             )
         factor = self._number(c, "slab", value)
         if factor == 1.0:
             return None
         if not factor > 1.0:
-            raise AtcError(
-                f"{c.where}: kspace_modify slab: the cell must be higher than the frame's, got {value} (3.0 is what "
+            raise c.error(
+                f"kspace_modify slab: the cell must be higher than the frame's, got {value} (3.0 is what "
                 "the manual recommends)"
             )
         return factor
@@ -154,9 +135,8 @@ def check_style(c) -> None:
     if name in STYLES:
         return
     why = next((why for word, why in _REFUSED.items() if word in name.split("/")), None)
-    raise AtcError(
-        f"{c.where}: kspace_style {name or 'nothing'} is not supported: "
-        f"{why or 'expected one of ' + ', '.join(sorted(STYLES))}"
+    raise c.error(
+        f"kspace_style {name or 'nothing'} is not supported: {why or 'expected one of ' + ', '.join(sorted(STYLES))}"
     )
 
 
@@ -224,8 +204,8 @@ def kspace_term(kspace: Kspace | None, terms, units, where: str):
         return found
     if not styles:
         c = kspace.style
-        raise AtcError(
-            f"{c.where}: kspace_style {' '.join(c.words)} without a pair style that belongs to it (such as "
+        raise c.error(
+            f"kspace_style {' '.join(c.words)} without a pair style that belongs to it (such as "
             "lj/cut/coul/long): leave it out, or give the pair style"
         )
     split = styles[0].split

@@ -294,8 +294,7 @@ def mesh_of(vectors, split, largest_q, tolerance, wide=1.0, itemsize=8):
     if itemsize * ARRAYS * np.prod(counts, dtype=float) > LARGEST:
         raise AtcError(
             f"long-range Coulomb: a mesh of {' x '.join(map(str, counts))} nodes would be needed for this kernel and "
-            "tolerance: take a smoother kernel (gaussian, "
-            "lucy), a larger radius or a looser tolerance"
+            "tolerance: take a smoother kernel (gaussian, lucy), a larger radius or a looser tolerance"
         )
     return counts, np.minimum(largest, (counts - 1) // 2)
 

@@ -195,12 +195,7 @@ def custom_torsions(force, name, chiral=False):
 
 #: Names of Forces and what makes terms of them.
 BONDED = {
-    "HarmonicBondForce": harmonic_bonds,
-    "HarmonicAngleForce": harmonic_angles,
-    "PeriodicTorsionForce": periodic_torsions,
-    "RBTorsionForce": rb_torsions,
-    "CMAPTorsionForce": correction_maps,
-    "CustomBondForce": custom_bonds,
-    "CustomAngleForce": custom_angles,
-    "CustomTorsionForce": custom_torsions,
-}
+    "HarmonicBondForce": harmonic_bonds, "HarmonicAngleForce": harmonic_angles,
+    "PeriodicTorsionForce": periodic_torsions, "RBTorsionForce": rb_torsions, "CMAPTorsionForce": correction_maps,
+    "CustomBondForce": custom_bonds, "CustomAngleForce": custom_angles, "CustomTorsionForce": custom_torsions,
+}  # fmt: skip

@@ -17,13 +17,10 @@ from .sites import sites_of
 
 #: Forces without energy: they steer a run.
 _STEERING = {
-    "CMMotionRemover": "removal of the centre's motion",
-    "AndersenThermostat": "a thermostat",
-    "MonteCarloBarostat": "a barostat",
-    "MonteCarloAnisotropicBarostat": "a barostat",
-    "MonteCarloMembraneBarostat": "a barostat",
-    "MonteCarloFlexibleBarostat": "a barostat",
-}
+    "CMMotionRemover": "removal of the centre's motion", "AndersenThermostat": "a thermostat",
+    "MonteCarloBarostat": "a barostat", "MonteCarloAnisotropicBarostat": "a barostat",
+    "MonteCarloMembraneBarostat": "a barostat", "MonteCarloFlexibleBarostat": "a barostat",
+}  # fmt: skip
 #: Why some others are refused.
 _REFUSED = {
     "GBSAOBCForce": "implicit solvent has forces that no pair of atoms has",
