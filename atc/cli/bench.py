@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
-from .common import Begin, End, Jobs, Json, Quiet, Set, Step, console, load_scene
+from .common import Begin, End, Jobs, Json, Quiet, Set, Step, argument, console, load_scene, option
 
 
 def register(app) -> None:
@@ -16,38 +14,23 @@ def register(app) -> None:
 
     @app.command()
     def bench(
-        scene: Annotated[
-            Path | None, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)
-        ] = None,
+        scene: Annotated[Path | None, argument("SCENE", "The scene, a TOML file.")] = None,
         set: Set = None,
         begin: Begin = None,
         end: End = None,
         step: Step = None,
         jobs: Jobs = 1,
         tolerances: Annotated[
-            str | None,
-            typer.Option(
-                "--tolerances", metavar="T1,T2,...", help="Tolerances of the spectral method.", show_default=False
-            ),
+            str | None, option("--tolerances T1,T2,...", "Tolerances of the spectral method.")
         ] = None,
         field: Annotated[
-            str | None,
-            typer.Option(
-                "--field",
-                metavar="NAME",
-                help="Which of the scene's fields; default: stress_potential, or the first.",
-                show_default=False,
-            ),
+            str | None, option("--field NAME", "Which of the scene's fields; default: stress_potential, or the first.")
         ] = None,
         calibrate: Annotated[
-            bool,
-            typer.Option("--calibrate", help="Measure what plans and choices of methods are based on, and keep it."),
+            bool, option("--calibrate", "Measure what plans and choices of methods are based on, and keep it.")
         ] = False,
         picture: Annotated[
-            Path | None,
-            typer.Option(
-                "--picture", metavar="FILE", help="Where the picture goes; default: next to SCENE.", show_default=False
-            ),
+            Path | None, option("--picture FILE", "Where the picture goes; default: next to SCENE.")
         ] = None,
         json: Json = False,
         quiet: Quiet = False,

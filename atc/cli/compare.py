@@ -8,7 +8,21 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Begin, End, Jobs, PublishedUnits, Quiet, Set, Species, Step, console, load_scene, progress_bar
+from .common import (
+    Begin,
+    End,
+    Jobs,
+    PublishedUnits,
+    Quiet,
+    Set,
+    Species,
+    Step,
+    argument,
+    console,
+    load_scene,
+    option,
+    progress_bar,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -19,45 +33,31 @@ def register(app: typer.Typer) -> None:
 def compare(
     what: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="OUT...|SCENE",
-            help="Outputs of atc fields; or one and a file of LAMMPS (dump grid, fix ave/chunk); or a scene together "
+        argument(
+            "OUT...|SCENE",
+            "Outputs of atc fields; or one and a file of LAMMPS (dump grid, fix ave/chunk); or a scene together "
             "with --radii.",
-            show_default=False,
         ),
     ],
     radii: Annotated[
-        str | None,
-        typer.Option(
-            "--radii",
-            metavar="R1,R2,...",
-            help="Compute the scene's stress for these kernel radii and compare them.",
-            show_default=False,
-        ),
+        str | None, option("--radii R1,R2,...", "Compute the scene's stress for these kernel radii and compare them.")
     ] = None,
     set: Set = None,
     begin: Begin = None,
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            "--picture", metavar="FILE", help="Where the picture goes; default: next to OUT.", show_default=False
-        ),
-    ] = None,
+    picture: Annotated[Path | None, option("--picture FILE", "Where the picture goes; default: next to OUT.")] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(
-            "--column",
-            metavar="'FIELD = COLUMN'",
-            help="Which field a column of LAMMPS is, e.g. 'stress_xx = f_1:grid:data[2]', or a product: "
+        option(
+            "--column 'FIELD = COLUMN'",
+            "Which field a column of LAMMPS is, e.g. 'stress_xx = f_1:grid:data[2]', or a product: "
             "'smoothed_virial_stress_xx = c_st[1] * density/number'. Repeatable.",
-            show_default=False,
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="The table as JSON.")] = False,
-    csv: Annotated[bool, typer.Option("--csv", help="The table as CSV.")] = False,
+    json: Annotated[bool, option("--json", "The table as JSON.")] = False,
+    csv: Annotated[bool, option("--csv", "The table as CSV.")] = False,
     species: Species = None,
     units: PublishedUnits = None,
     quiet: Quiet = False,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Begin, End, Jobs, Json, SceneFile, Set, Step, console, load_scene, progress_bar
+from .common import Begin, End, Jobs, Json, SceneFile, Set, Step, console, load_scene, option, progress_bar
 
 
 def register(app: typer.Typer) -> None:
@@ -23,34 +23,15 @@ def conductivity(
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
-    segments: Annotated[
-        int, typer.Option("--segments", metavar="N", help="Independent parts of the run that give the error.")
-    ] = 10,
+    segments: Annotated[int, option("--segments N", "Independent parts of the run that give the error.")] = 10,
     plateau: Annotated[
-        str | None,
-        typer.Option(
-            "--plateau",
-            metavar="T1,T2",
-            help="Average the integral over these lags; default: found.",
-            show_default=False,
-        ),
+        str | None, option("--plateau T1,T2", "Average the integral over these lags; default: found.")
     ] = None,
-    longest: Annotated[
-        float | None,
-        typer.Option("--longest", metavar="T", help="The longest lag; default: half a segment.", show_default=False),
-    ] = None,
-    dt: Annotated[
-        float | None,
-        typer.Option("--dt", metavar="T", help="Time between frames, if the file does not say it.", show_default=False),
-    ] = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            "--picture", metavar="FILE", help="Draw the correlation function and its integral.", show_default=False
-        ),
-    ] = None,
+    longest: Annotated[float | None, option("--longest T", "The longest lag; default: half a segment.")] = None,
+    dt: Annotated[float | None, option("--dt T", "Time between frames, if the file does not say it.")] = None,
+    picture: Annotated[Path | None, option("--picture FILE", "Draw the correlation function and its integral.")] = None,
     json: Json = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress.")] = False,
+    quiet: Annotated[bool, option("-q --quiet", "No progress.")] = False,
 ) -> None:
     """Thermal conductivity of an equilibrium run, by Green and Kubo, with an error bar: needs [trajectory] and
     [potential]."""

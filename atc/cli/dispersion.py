@@ -20,6 +20,7 @@ from .common import (
     Step,
     console,
     load_scene,
+    option,
     write_result,
 )
 
@@ -35,17 +36,11 @@ def register(app: typer.Typer) -> None:
         begin: Begin = None,
         end: End = None,
         step: Step = None,
-        picture: Annotated[
-            Path | None,
-            typer.Option("--picture", metavar="FILE", help="Draw everything in one picture.", show_default=False),
-        ] = None,
+        picture: Annotated[Path | None, option("--picture FILE", "Draw everything in one picture.")] = None,
         phonopy: Annotated[
             Path | None,
-            typer.Option(
-                "--phonopy",
-                metavar="FOLDER",
-                help="Write phonopy.yaml, FORCE_CONSTANTS and band.yaml there, for phonopy and Euphonic.",
-                show_default=False,
+            option(
+                "--phonopy FOLDER", "Write phonopy.yaml, FORCE_CONSTANTS and band.yaml there, for phonopy and Euphonic."
             ),
         ] = None,
         json: Json = False,
