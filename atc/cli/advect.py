@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import option
+from .common import option, parse_numbers
 
 
 def register(app: typer.Typer) -> None:
@@ -86,10 +86,7 @@ def advect(
         if smoothing_horizon is not None or fluxes:
             what = "--smoothing-horizon" if smoothing_horizon is not None else "--fluxes"
             raise AtcError(f"{what}: is of one run; leave it out, or leave out --horizons")
-        try:
-            values = [float(h) for h in horizons.split(",")]
-        except ValueError:
-            raise AtcError(f"--horizons {horizons}: expected lengths, e.g. --horizons 0.08,0.04,0.02") from None
+        values = parse_numbers("--horizons", horizons, "lengths, e.g. --horizons 0.08,0.04,0.02", len)
         study = convergence_study(horizons=values, **common)
     else:
         study = run_study(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from ..errors import AtcError
-from .common import Begin, End, Jobs, Json, Quiet, Set, Step, argument, console, load_scene, option
+from .common import Begin, End, Jobs, Json, Quiet, Set, Step, argument, console, load_scene, option, parse_numbers
 
 
 def register(app) -> None:
@@ -53,7 +53,13 @@ def register(app) -> None:
 
         target = picture or scene.with_name(scene.stem + "-bench.png")
         picture_kind(target)
-        ladder = TOLERANCES if tolerances is None else _numbers(tolerances)
+        given = parse_numbers(
+            "--tolerances",
+            tolerances,
+            "numbers between 0 and 1, e.g. --tolerances 1e-3,1e-5",
+            lambda values: values and all(0 < t < 1 for t in values),
+        )
+        ladder = sorted(given, reverse=True) if given else TOLERANCES
         made = load_scene(scene, set, begin, end, step)
         arguments = made.arguments(jobs)
         arguments["threads"], arguments["workers"] = max(arguments["threads"], arguments["workers"]), 1
@@ -73,16 +79,6 @@ def _say(text: str) -> None:
 
     if sys.stderr.isatty():
         print(f"  {text} ...", file=sys.stderr, flush=True)
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        values = [float(t) for t in text.split(",") if t.strip()]
-        if not values or not all(0 < t < 1 for t in values):
-            raise ValueError
-    except ValueError:
-        raise AtcError(f"--tolerances {text}: expected numbers between 0 and 1, e.g. --tolerances 1e-3,1e-5") from None
-    return sorted(values, reverse=True)
 
 
 def _calibrate(json: bool, quiet: bool) -> None:

@@ -19,11 +19,13 @@ _kept: str | None = None
 
 @contextlib.contextmanager
 def kept_on_interrupt(message: str):
-    """While this runs, an interruption ends with `message`."""
+    """While this runs, an interruption ends with `message`, and errors name the flag that starts again."""
     global _kept
     _kept = message
     try:
         yield
+    except AtcError as e:
+        raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     finally:
         if not issubclass(sys.exc_info()[0] or type(None), KeyboardInterrupt):
             _kept = None
@@ -135,6 +137,25 @@ def load_scene(path, settings, begin=None, end=None, step=None, selects=False):
         names = {"begin": "-b", "end": "-e", "step": "--step"}
         scene.set("trajectory", "frames", flags, flag=" ".join(f"{names[k]} {v}" for k, v in flags.items()))
     return scene
+
+
+def output_asked(scene, output, overwrite):
+    """Where to write a dataset, checked: what the flag says, else the scene; None where neither does."""
+    asked = output is not None or scene.get("output", "file") is not None
+    return scene.output(output, overwrite=overwrite) if asked else None
+
+
+def parse_numbers(flag: str, text: str | None, expected: str, good=lambda values: True) -> list[float] | None:
+    """The numbers of ``--flag 1,2``, which `good` must be content with; None for nothing."""
+    if text is None:
+        return None
+    try:
+        values = [float(v) for v in text.split(",") if v.strip()]
+    except ValueError:
+        values = None
+    if values is None or not good(values):
+        raise AtcError(f"{flag} {text}: expected {expected}")
+    return values
 
 
 def parse_masses(text: str | None):

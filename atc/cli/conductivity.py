@@ -7,8 +7,20 @@ from typing import Annotated
 
 import typer
 
-from ..errors import AtcError
-from .common import Begin, End, Jobs, Json, SceneFile, Set, Step, console, load_scene, option, progress_bar
+from .common import (
+    Begin,
+    End,
+    Jobs,
+    Json,
+    SceneFile,
+    Set,
+    Step,
+    console,
+    load_scene,
+    option,
+    parse_numbers,
+    progress_bar,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -38,9 +50,11 @@ def conductivity(
     from ..analysis.green_kubo import conductivity_of_scene
 
     made = load_scene(scene, set, begin, end, step)
+    two = "two lags in the trajectory's unit of time, e.g. --plateau 3,6"
+    lags = parse_numbers("--plateau", plateau, two, lambda values: len(values) == 2)
     with progress_bar(quiet or json) as progress:
         result = conductivity_of_scene(
-            made, segments=segments, plateau=_parse_times(plateau), longest=longest, dt=dt, jobs=jobs, progress=progress
+            made, segments=segments, plateau=lags, longest=longest, dt=dt, jobs=jobs, progress=progress
         )
     if picture is not None:
         result.picture(picture)
@@ -50,15 +64,3 @@ def conductivity(
         result.print(console())
         if picture is not None:
             print(f"picture: {picture}")
-
-
-def _parse_times(text: str | None):
-    if text is None:
-        return None
-    try:
-        begin, end = (float(v) for v in text.split(","))
-    except ValueError:
-        raise AtcError(
-            f"--plateau {text}: expected two lags in the trajectory's unit of time, e.g. --plateau 3,6"
-        ) from None
-    return begin, end

@@ -21,6 +21,7 @@ from .common import (
     console,
     load_scene,
     option,
+    output_asked,
     write_result,
 )
 
@@ -55,11 +56,7 @@ def register(app: typer.Typer) -> None:
         from ..upscaling.dispersion import dispersion_of_scene
 
         made = load_scene(scene, set, begin, end, step)
-        out = (
-            made.output(output, overwrite=overwrite)
-            if output is not None or made.get("output", "file") is not None
-            else None
-        )
+        out = output_asked(made, output, overwrite)
         result = dispersion_of_scene(made)
         if made.get("dispersion", "twin"):
             from ..twins.waves import add_twin

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import AtcError, heard
+from ..errors import heard
 from .common import (
     Begin,
     By,
@@ -66,10 +66,7 @@ def fields(
     started = time.perf_counter()
     kept = kept_on_interrupt("the finished frames are kept: the same command continues")
     with kept, progress_bar(quiet) as progress, heard() as warned:
-        try:
-            attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
-        except AtcError as e:
-            raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
+        attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
     if not quiet:
         _summary(attributes, out, time.perf_counter() - started, progress)
     if report:

@@ -40,14 +40,9 @@ def pd_command(
         return
     out = made.output(output, overwrite=overwrite, resume=not restart)
     started = time.perf_counter()
-    with (
-        kept_on_interrupt("what is done is kept: the same command continues"),
-        progress_bar(quiet, "steps") as progress,
-    ):
-        try:
-            ds = made.run(out, threads=jobs, progress=progress, resume=not restart)
-        except AtcError as e:
-            raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
+    kept = kept_on_interrupt("what is done is kept: the same command continues")
+    with kept, progress_bar(quiet, "steps") as progress:
+        ds = made.run(out, threads=jobs, progress=progress, resume=not restart)
     if not quiet:
         summary(ds, out, time.perf_counter() - started, progress)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import PublishedUnits, Species, argument, option
+from .common import PublishedUnits, Species, argument, option, parse_numbers
 
 
 def register(app: typer.Typer) -> None:
@@ -77,7 +77,12 @@ def plot(
         "axis": axis,
         "index": index,
         "mean": mean,
-        "limits": _parse_limits(limits),
+        "limits": parse_numbers(
+            "--limits",
+            limits,
+            "two increasing numbers, e.g. --limits -2e4,2e4",
+            lambda values: len(values) == 2 and values[0] < values[1],
+        ),
         "robust": robust,
         "species": species,
         "units": units,
@@ -94,15 +99,3 @@ def plot(
         path = plotting.plot_file(out, quantity, frame=frame, output=output, **options)
     if not quiet:
         print(path)
-
-
-def _parse_limits(text: str | None):
-    if text is None:
-        return None
-    try:
-        lo, hi = (float(v) for v in text.split(","))
-        if not lo < hi:
-            raise ValueError
-    except ValueError:
-        raise AtcError(f"--limits {text}: expected two increasing numbers, e.g. --limits -2e4,2e4") from None
-    return lo, hi

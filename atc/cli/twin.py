@@ -19,6 +19,7 @@ from .common import (
     console,
     load_scene,
     option,
+    output_asked,
     progress_bar,
     write_result,
 )
@@ -53,11 +54,7 @@ def register(app: typer.Typer) -> None:
         from ..twins.run import twin as twin_of
 
         made = load_scene(scene, set, begin, end, step)
-        out = (
-            made.output(output, overwrite=overwrite)
-            if output is not None or made.get("output", "file") is not None
-            else None
-        )
+        out = output_asked(made, output, overwrite)
         if picture is not None:
             picture_kind(picture)
         if movie is not None:
