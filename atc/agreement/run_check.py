@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from ..errors import AtcError, AtcWarning
 from ..readers.trajectory import resolution_of
+from ..terminal import tell
 from .forces import MODES, SEVERAL, ForceCheck, compare_forces, follows_from
 from .thermo import ThermoCheck, compare_thermo
 
@@ -67,15 +68,8 @@ class RunCheck:
         return out
 
     def json(self) -> str:
-        return json.dumps(
-            {
-                "agrees": self.agrees,
-                "agrees_with_run": self.text,
-                "notes": self.notes,
-                "frames": [_plain(f, self.units) for f in self.frames],
-            },
-            indent=2,
-        )
+        whole = {"agrees": self.agrees, "agrees_with_run": self.text, "notes": self.notes}
+        return json.dumps({**whole, "frames": [_plain(f, self.units) for f in self.frames]}, indent=2)
 
     def print(self, console) -> None:
         """Model and run side by side, frame by frame."""
@@ -84,50 +78,21 @@ class RunCheck:
             rows = [("", "model", "run", "difference", "digits explain", "")]
             lines = [] if f.thermo is None else f.thermo.lines
             if not any(x.name == "energy" for x in lines):
-                rows.append(
-                    (
-                        f"energy ({self.units.label('energy')})",
-                        _g(self.units.to_user("energy", f.energy)),
-                        "-",
-                        "",
-                        "",
-                        "",
-                    )
-                )
+                energy = _g(self.units.to_user("energy", f.energy))
+                rows.append((f"energy ({self.units.label('energy')})", energy, "-", "", "", ""))
             for x in lines:
-                sign = "yes" if x.agrees else "no" if x.counts else "(no)"
-                rows.append(
-                    (
-                        f"{x.name} ({x.units})" if x.units else x.name,
-                        _g(x.model),
-                        _g(x.run),
-                        f"{x.difference:.3g}",
-                        f"{x.allowed:.2g}",
-                        sign,
-                    )
-                )
+                what, sign = f"{x.name} ({x.units})" if x.units else x.name, "no" if x.counts else "(no)"
+                numbers = _g(x.model), _g(x.run), f"{x.difference:.3g}", f"{x.allowed:.2g}"
+                rows.append((what, *numbers, "yes" if x.agrees else sign))
             if f.forces is not None:
                 c = f.forces
-                rms = self.units.to_user("force", c.rms)
-                share = self.units.to_user("force", c.rms_difference)
-                rows.append(
-                    (
-                        f"forces, rms ({self.units.label('force')})",
-                        "",
-                        f"{rms:.6g}",
-                        f"{share:.3g}",
-                        f"{c.explained * rms:.2g}",
-                        "yes" if c.agrees else "no",
-                    )
-                )
-            widths = [max(len(r[k]) for r in rows) for k in range(6)]
-            for r in rows:
-                console.print(
-                    (
-                        "  " + r[0].ljust(widths[0]) + "".join("  " + r[k].rjust(widths[k]) for k in range(1, 6))
-                    ).rstrip(),
-                    soft_wrap=True,
-                )
+                rms, share = (self.units.to_user("force", v) for v in (c.rms, c.rms_difference))
+                numbers = f"{rms:.6g}", f"{share:.3g}", f"{c.explained * rms:.2g}"
+                rows.append((f"forces, rms ({self.units.label('force')})", "", *numbers, "yes" if c.agrees else "no"))
+            widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+            for what, *cells in rows:
+                line = [what.ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(cells, widths[1:]))]
+                console.print(f"  {'  '.join(line)}".rstrip(), soft_wrap=True)
             if f.forces is not None and f.forces.coulomb is not None:
                 text = f.forces.coulomb.describe(self.units)
                 console.print(f"  note: explained are digits and {text}", soft_wrap=True)
@@ -137,12 +102,9 @@ class RunCheck:
                 elif isinstance(c, ThermoCheck):
                     for note in c.notes:
                         console.print(f"  note: {note}", soft_wrap=True)
-        for note in self.notes:
-            console.print(f"note: {note}", soft_wrap=True)
-        verdict = {True: "model and run agree", False: "model and run do NOT agree", None: f"not known: {self.why}"}[
-            self.agrees
-        ]
-        console.print(verdict, soft_wrap=True)
+        verdict = {True: "model and run agree", False: "model and run do NOT agree", None: f"not known: {self.why}"}
+        tell(console, (), self.notes)
+        tell(console, [verdict[self.agrees]])
 
 
 def _g(x) -> str:

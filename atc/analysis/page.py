@@ -75,7 +75,7 @@ def report(out, target=None, *, species=None, units=None, warned=(), title=None)
     ds = load(out)
     if not {"quantities", "twin"} & {*ds.attrs}:
         raise AtcError(f"{name}: is no output of atc fields or atc twin: there is no report of it")
-    ds = ds if units is None else in_units(ds, units)
+    ds = in_units(ds, units)
     if "twin" in ds.attrs:
         from .twin_page import twin_page
 
@@ -241,8 +241,6 @@ def _pictures(ds) -> list[str]:
 
 def _profile(ds) -> list[str]:
     """Means over the cross-sections along the longest axis of a grid, of the first stress and the density."""
-    from matplotlib.figure import Figure
-
     from ..pictures.components import component
     from ..pictures.drawing import figure, label_of
     from ..pictures.geometry import fields_of, points_of_grid
@@ -259,18 +257,18 @@ def _profile(ds) -> list[str]:
     k = int(np.argmax(lengths))
     others = [d for d in place.dims if d != place.dims[k]]
     shown = [n for n in (name, "density", "number_density", "temperature") if n in names][:3]
-    fig, axs = figure(Figure, len(shown), 4.2, 3.0)
+    fig, axs = figure(len(shown), 4.2, 3.0)
     s, text = place.abscissa(k)
-    for ax, n in zip(axs.flat, shown):
+    for ax, n in zip(axs, shown):
         da = ds[n].mean("frame", skipna=True) if "frame" in ds[n].dims else ds[n]
         tensor = "j" in da.dims
         # Empty space counts as empty in a stress or density, but has no temperature.
         mean = da.mean(others, skipna=True) if n == "temperature" else da.fillna(0.0).mean(others)
         mean = mean.transpose(place.dims[k], ...).values
         for c in ("xx", "yy", "zz") if tensor else (None,):
-            ax.plot(s, mean if c is None else component(mean, c), label=None if c is None else symbol(n, c) or c)
+            ax.plot(s, component(mean, c), label=None if c is None else symbol(n, c) or c)
         ax.set_xlabel(text)
-        ax.set_ylabel(label_of(ds[n], None, ds[n].attrs.get("units", "")))
+        ax.set_ylabel(label_of(ds[n], None))
         ax.spines[["top", "right"]].set_visible(False)
         if tensor:
             ax.legend()
