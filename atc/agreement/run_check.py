@@ -121,19 +121,10 @@ def _plain(f: FrameCheck, units) -> dict:
     }
     if f.forces is not None:
         c = f.forces
-        out["forces"] = {
-            "agrees": c.agrees,
-            "rms_share": c.share,
-            "explained_share": c.explained,
-            "rms": units.to_user("force", c.rms),
-            "units": units.label("force"),
-            "atoms": c.atoms,
-            "atoms_differ": c.differ,
-            "worst_atoms": list(c.worst),
-            "looks_like": c.looks,
-            "explained_by": c.because,
-            "outside": list(c.outside),
-        }
+        out["forces"] = {"agrees": c.agrees, "rms_share": c.share, "explained_share": c.explained}
+        out["forces"] |= {"rms": units.to_user("force", c.rms), "units": units.label("force")}
+        out["forces"] |= {"atoms": c.atoms, "atoms_differ": c.differ, "worst_atoms": list(c.worst)}
+        out["forces"] |= {"looks_like": c.looks, "explained_by": c.because, "outside": list(c.outside)}
     if f.thermo is not None:
         out["log"] = {
             "agrees": f.thermo.agrees,
@@ -194,9 +185,8 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
             check.forces = compare_forces(frame, pot, k, resolution=resolution, threads=threads)
             check.energy = check.forces.energy
         if log is not None:
-            check.thermo = compare_thermo(
-                frame, pot, log, k, known=check.forces, resolution=resolution, threads=threads
-            )
+            how = {"known": check.forces, "resolution": resolution, "threads": threads}
+            check.thermo = compare_thermo(frame, pot, log, k, **how)
             if check.thermo is not None:
                 check.energy = check.thermo.energy
         if check.agrees is not None:
@@ -249,11 +239,8 @@ def alarm(
         words = "; ".join(found.complaints) or found.text
         raise AtcError(f'{source + ": " if source else ""}forces = "must agree", but {words}')
     for sentence in found.complaints:
-        warnings.warn(
-            f"{source + ': ' if source else ''}the run does not agree with the potential: {sentence}",
-            AtcWarning,
-            stacklevel=3,
-        )
+        words = f"{source + ': ' if source else ''}the run does not agree with the potential: {sentence}"
+        warnings.warn(words, AtcWarning, stacklevel=3)
     return found
 
 
@@ -276,11 +263,9 @@ def verify_scene(scene, frames: str | None = None, threads: int = 1) -> RunCheck
     found = examine(traj, pot, which=which, log=log, threads=threads, first=first)
     if found.agrees is None:
         dump = "dump fx fy fz too" if "no forces" in found.why else ""
-        beside = (
-            'name its log file: log = "log.lammps" in [trajectory]'
-            if log is None
-            else "choose frames whose steps are in the log"
-        )
+        beside = "choose frames whose steps are in the log"
+        if log is None:
+            beside = 'name its log file: log = "log.lammps" in [trajectory]'
         raise AtcError(
             f"{scene.name}: nothing to compare with: {'; '.join([found.why, *found.notes])}: "
             f"{' or '.join(x for x in (dump, beside) if x)}"

@@ -40,15 +40,8 @@ class Line:
         return abs(self.difference) <= self.allowed  # NaN does not
 
     def plain(self) -> dict:
-        return {
-            "name": self.name,
-            "units": self.units,
-            "model": self.model,
-            "run": self.run,
-            "difference": self.difference,
-            "explained_by_digits": self.allowed,
-            "agrees": bool(self.agrees),
-        }
+        out = {key: getattr(self, key) for key in ("name", "units", "model", "run", "difference")}
+        return {**out, "explained_by_digits": self.allowed, "agrees": bool(self.agrees)}
 
 
 @dataclass
@@ -77,13 +70,8 @@ class ThermoCheck:
         return next((x for x in self.lines if x.name == name), None)
 
     def __str__(self):
-        what = (
-            "energy and pressure"
-            if self.line("pressure") or self.line("pressure xx")
-            else "energy"
-            if self.line("energy")
-            else "state"
-        )
+        what = "energy" if self.line("energy") else "state"
+        what = "energy and pressure" if self.line("pressure") or self.line("pressure xx") else what
         where = f"of frame {self.frame} (step {self.step} of {self.source})"
         if self.agrees:
             return f"{what} {where}: yes, to the digits of the log"
@@ -157,33 +145,23 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
     of_temperature = any(cause.startswith("temperature of") for cause in row.causes)
     of_pressure = any(cause.startswith("pressure of") for cause in row.causes)
 
-    def add(name, dimension, model, key_or_value, digit, doubt=0.0, scale=0.0, counts=True, times=1):
+    def add(name, dimension, model, run, doubt=0.0, scale=0.0, counts=True, times=1):
+        """run : a column of the log, or a value with its last digit."""
+        value, digit = (have[run], last[run]) if isinstance(run, str) else run
         factor = u.factor(dimension)
         allowed = 0.5 * digit * 1.001 + (doubt + ROUNDING * scale) / factor / times
-        out.lines.append(
-            Line(name, u.label(dimension), float(model) / factor / times, float(key_or_value), float(allowed), counts)
-        )
+        mine = float(model) / factor / times
+        out.lines.append(Line(name, u.label(dimension), mine, float(value), float(allowed), counts))
 
     run = _potential_energy(have, last)
     if run is not None:
-        value, digit, what = run
-        add(
-            "energy",
-            "energy",
-            energy,
-            value,
-            digit,
-            doubt[0],
-            abs(energy) + 1e-4 * CANCELLATION / ROUNDING * n,
-            times=per,
-        )
+        *found, what = run
+        add("energy", "energy", energy, found, doubt[0], abs(energy) + 1e-4 * CANCELLATION / ROUNDING * n, times=per)
         if what:
             out.notes.append(what)
         if per > 1:
-            out.notes.append(
-                "energies in the log are per atom"
-                + (", LAMMPS's default in lj units (its thermo_modify is not in the log)" if log.assumed_norm else "")
-            )
+            why = ", LAMMPS's default in lj units (its thermo_modify is not in the log)" if log.assumed_norm else ""
+            out.notes.append(f"energies in the log are per atom{why}")
     kinetic, source = None, ""
     if frame.velocities is not None and frame.masses is not None:
         v, m = frame.velocities, frame.masses
@@ -196,38 +174,18 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
         total = float(np.trace(kinetic))
         free = dimension * (n - 1) - _held(frame, pot)
         if "kinetic" in have:
-            add(
-                "kinetic energy",
-                "energy",
-                0.5 * total,
-                have["kinetic"],
-                last["kinetic"],
-                k_doubt,
-                0.5 * total,
-                counts=not of_temperature,
-                times=per,
-            )
+            add("kinetic energy", "energy", 0.5 * total, "kinetic", k_doubt, 0.5 * total, not of_temperature, per)
         if "temperature" in have and free > 0:
             k_B = frame.units.boltzmann
-            add(
-                "temperature",
-                "temperature",
-                total / (free * k_B),
-                have["temperature"],
-                last["temperature"],
-                2 * k_doubt / (free * k_B),
-                total / (free * k_B),
-                counts="kinetic" not in have and not of_temperature,
-            )
+            T, T_doubt = total / (free * k_B), 2 * k_doubt / (free * k_B)
+            counts = "kinetic" not in have and not of_temperature
+            add("temperature", "temperature", T, "temperature", T_doubt, T, counts)
             _degrees_of_freedom(out, total, k_B, free, have["temperature"])
     elif "temperature" in have and n > 1:
         per_kelvin = (dimension * (n - 1) - _held(frame, pot)) * frame.units.boltzmann
         total = per_kelvin * have["temperature"]
-        kinetic, source = (
-            None,
-            "the kinetic part of its pressure is that of the log's temperature, since the frame has no velocities or "
-            "no masses",
-        )
+        source = "the kinetic part of its pressure is that of the log's temperature, since the frame has no velocities "
+        source += "or no masses"
         k_doubt = per_kelvin * last["temperature"]
     else:
         total = None
@@ -237,34 +195,18 @@ def _compare(frame, pot, log, row, number, energy, virial, doubt) -> ThermoCheck
         p = (part - float(np.trace(virial))) / (dimension * V)
         size = (abs(part) + float(np.abs(np.diag(virial)).sum())) / (dimension * V)
         if "pressure" in have:
-            add(
-                "pressure",
-                "pressure",
-                p,
-                have["pressure"],
-                last["pressure"],
-                (float(np.trace(doubt[1])) + 2 * k_doubt) / (dimension * V),
-                size,
-                not of_pressure,
-            )
+            p_doubt = (float(np.trace(doubt[1])) + 2 * k_doubt) / (dimension * V)
+            add("pressure", "pressure", p, "pressure", p_doubt, size, not of_pressure)
             if source:
                 out.notes.append(source)
         if kinetic is not None:
             P = (kinetic - virial) / V
             for key, (a, b) in _TENSOR.items():
                 if key in have and max(a, b) < dimension:
-                    add(
-                        f"pressure {key[1:]}",
-                        "pressure",
-                        P[a, b],
-                        have[key],
-                        last[key],
-                        (doubt[1][a, b] + 2 * k_doubt) / V,
-                        size,
-                        not of_pressure,
-                    )
+                    p_doubt = (doubt[1][a, b] + 2 * k_doubt) / V
+                    add(f"pressure {key[1:]}", "pressure", P[a, b], key, p_doubt, size, not of_pressure)
     if "volume" in have and V > 0:
-        add("volume", "volume", V, have["volume"], last["volume"], 1e-5 * V)
+        add("volume", "volume", V, "volume", 1e-5 * V)
     if "atoms" in have and have["atoms"] != n:
         out.lines.append(Line("atoms", "", float(n), float(have["atoms"]), 0.0))
     return out
@@ -288,11 +230,8 @@ def _potential_energy(have, last):
     else:
         return None
     if have.get("tail"):
-        return (
-            value - have["tail"],
-            digit + last["tail"],
-            "the tail correction E_tail of the run is taken off its energy",
-        )
+        what = "the tail correction E_tail of the run is taken off its energy"
+        return value - have["tail"], digit + last["tail"], what
     return value, digit, ""
 
 
@@ -306,15 +245,10 @@ def _degrees_of_freedom(out, total, k_B, free, temperature) -> None:
     if abs(theirs - round(theirs)) < min(off + 1e-9, 0.2) and round(theirs) != free:
         line.counts = False
         fewer = free - round(theirs)
-        out.notes.append(
-            f"the run counts {round(theirs)} degrees of freedom, {abs(fewer)} {'fewer' if fewer > 0 else 'more'} than "
-            f"{free}: "
-            + (
-                "constraints (shake, rattle, rigid) or compute_modify"
-                if fewer > 0
-                else "compute_modify extra/dof, or another count of the momentum"
-            )
-        )
+        word, why = "more", "compute_modify extra/dof, or another count of the momentum"
+        if fewer > 0:
+            word, why = "fewer", "constraints (shake, rattle, rigid) or compute_modify"
+        out.notes.append(f"the run counts {round(theirs)} degrees of freedom, {abs(fewer)} {word} than {free}: {why}")
 
 
 def _explanations(frame, check: ThermoCheck, forces) -> list[str]:

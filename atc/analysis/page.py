@@ -6,6 +6,7 @@ The page holds everything it shows: no file, script or address is loaded with it
 
 from __future__ import annotations
 
+import contextlib
 from html import escape
 from pathlib import Path
 
@@ -29,12 +30,9 @@ PICTURES = (
 )
 #: More pictures of other fields than these say little more.
 _MOST = 8
+_WHERE = "random points and around the strongest bonds"
 _ERRORS = (
-    (
-        "error_max",
-        "largest found",
-        "by the exact method at random points and around the strongest bonds, over the largest value",
-    ),
+    ("error_max", "largest found", f"by the exact method at {_WHERE}, over the largest value"),
     ("error_l2", "rms found", "at the same points, over the rms of the field"),
     ("error_expected", "expected anywhere", "at the worst of all points, by those found"),
     ("input_error", "input", "how far the field moves when atoms move by what the digits of the file hide"),
@@ -160,9 +158,8 @@ def _facts(ds) -> str:
         unit = unit_text(str(ds["time"].attrs.get("units", "")))
         frames += f", from {t[0]:.5g} {unit}" if n == 1 else f", {t[0]:.5g} to {t[-1]:.5g} {unit}"
     rows.insert(1, ("frames", frames))
-    rows.insert(
-        2, ("units", f"{a.get('units', '')}" + (f"; shown in {a['output_units']}" if a.get("output_units") else ""))
-    )
+    shown = f"; shown in {a['output_units']}" if a.get("output_units") else ""
+    rows.insert(2, ("units", f"{a.get('units', '')}{shown}"))
     return facts(rows)
 
 
@@ -272,9 +269,8 @@ def _profile(ds) -> list[str]:
         ax.spines[["top", "right"]].set_visible(False)
         if tensor:
             ax.legend()
-    return [
-        figure_of(fig, f"Profiles along {place.dims[k]}: means over the cross-section, empty space counted as empty")
-    ]
+    words = f"Profiles along {place.dims[k]}: means over the cross-section, empty space counted as empty"
+    return [figure_of(fig, words)]
 
 
 def _compared(ds) -> list[str]:
@@ -287,12 +283,9 @@ def _compared(ds) -> list[str]:
     except AtcError:
         return []
     out = ["<h2>Hardy against virial</h2>"]
-    try:
-        out.append(
-            figure_of(compare_figure(found), "Hardy's stress, the virial stress, and their difference in one scale")
-        )
-    except AtcError:
-        pass
+    with contextlib.suppress(AtcError):
+        words = "Hardy's stress, the virial stress, and their difference in one scale"
+        out.append(figure_of(compare_figure(found), words))
     for section in dict.fromkeys(r["section"] for r in found.rows):
         if section == ACCURACY:
             continue

@@ -64,39 +64,22 @@ def advect(
 ) -> None:
     """Nonlocal advection in one dimension: Burgers or another flux, shocks, mass and entropy ledgers, against the local
     equation."""
-    from ..advection.study import convergence_study, picture, run_study
+    from ..advection.study import Problem, convergence_study, picture, run_study
     from ..running.whole import write_dataset
     from ..upscaling.custom import writable
 
     output = writable(output)
-    common = {
-        "initial": initial,
-        "length": length,
-        "nodes": nodes,
-        "kernel": kernel,
-        "viscosity": viscosity,
-        "flux": flux,
-        "two_point": two_point,
-        "duration": duration,
-        "method": method,
-        "safety": safety,
-        "smoothing_kernel": smoothing_kernel,
-    }
-    if horizons is not None:
-        if smoothing_horizon is not None or fluxes:
-            what = "--smoothing-horizon" if smoothing_horizon is not None else "--fluxes"
-            raise AtcError(f"{what}: is of one run; leave it out, or leave out --horizons")
-        values = parse_numbers("--horizons", horizons, "lengths, e.g. --horizons 0.08,0.04,0.02", len)
-        study = convergence_study(horizons=values, **common)
+    if horizons is not None and (smoothing_horizon is not None or fluxes):
+        what = "--smoothing-horizon" if smoothing_horizon is not None else "--fluxes"
+        raise AtcError(f"{what}: is of one run; leave it out, or leave out --horizons")
+    values = parse_numbers("--horizons", horizons, "lengths, e.g. --horizons 0.08,0.04,0.02", len)
+    problem = Problem(
+        initial, length, nodes, kernel, viscosity, flux, two_point, duration, method, safety, smoothing_kernel
+    )
+    if values is not None:
+        study = convergence_study(problem, values)
     else:
-        study = run_study(
-            horizon=horizon,
-            frames=frames,
-            reference=reference,
-            smoothing_horizon=smoothing_horizon,
-            fluxes=fluxes,
-            **common,
-        )
+        study = run_study(problem, horizon, frames, reference, smoothing_horizon, fluxes)
     write_dataset(study.dataset, output)
     drawn = picture(study, output.with_suffix(".png"))
     if not quiet:
