@@ -49,6 +49,12 @@ def unfiltered(stream):
     return stream.stream if isinstance(stream, _Filtered) else stream
 
 
+def tell(console, lines, notes=()) -> None:
+    """Print lines on a console, and notes behind them; none is broken or cut."""
+    for line in (*lines, *(f"note: {note}" for note in notes)):
+        console.print(line, soft_wrap=True)
+
+
 def html_table(title: str, rows) -> str:
     """What objects show in notebooks: a title and rows of (what, value)."""
     from html import escape

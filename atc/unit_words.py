@@ -203,12 +203,14 @@ def in_units(ds, given):
     Parameters
     ----------
     ds : xarray.Dataset whose variables say their ``units``
-    given : units with commas between, a list, or a preset (see `PRESETS`)
+    given : units with commas between, a list, or a preset (see `PRESETS`); None: as it is
 
     Raises
     ------
     AtcError for what is no unit, and where nothing in the dataset is of the dimension of one of them.
     """
+    if given is None:
+        return ds
     wanted = wanted_units(given)
     require_used(wanted, [v.attrs.get("units", "") for v in ds.variables.values()], str(given))
     data, coords = {}, {}

@@ -154,9 +154,11 @@ _DIMENSIONS = {
 }
 
 
-def _make(name, *, length, energy, mass, charge, mvv2e, boltz, qqr2e, nktv2p, mv2d, labels):
+def _make(
+    name, labels, *, length=1.0, energy=1.0, mass=1.0, charge=1.0, mvv2e=1.0, boltz=1.0, qqr2e=1.0, nktv2p=1.0, mv2d=1.0
+):
     """Build a system from the size of its units and the conversion constants as LAMMPS defines them."""
-    len_, en, ma, ve, ti, pr, de, ch = labels
+    len_, en, ma, ve, ti, pr, de, ch = labels.split()
     vol = f"{len_}^3"
     full = {
         "dimensionless": "1",
@@ -202,157 +204,38 @@ def _make(name, *, length, energy, mass, charge, mvv2e, boltz, qqr2e, nktv2p, mv
 
 
 # Labels: length, energy, mass, velocity, time, pressure, density, charge.
-_SYSTEMS = {
-    u.name: u
-    for u in (
-        _make(
-            "lj",
-            length=1.0,
-            energy=1.0,
-            mass=1.0,
-            charge=1.0,
-            mvv2e=1.0,
-            boltz=1.0,
-            qqr2e=1.0,
-            nktv2p=1.0,
-            mv2d=1.0,
-            labels=("sigma", "epsilon", "m", "sigma/tau", "tau", "epsilon/sigma^3", "m/sigma^3", "q*"),
-        ),
-        _make(
-            "real",
-            length=1.0,
-            energy=_KCAL_MOL,
-            mass=1.0,
-            charge=1.0,
-            mvv2e=48.88821291 * 48.88821291,
-            boltz=0.0019872067,
-            qqr2e=332.06371,
-            nktv2p=68568.415,
-            mv2d=1.0 / 0.602214129,
-            labels=("angstrom", "kcal/mol", "g/mol", "angstrom/fs", "fs", "atm", "g/cm^3", "e"),
-        ),
-        _make(
-            "metal",
-            length=1.0,
-            energy=1.0,
-            mass=1.0,
-            charge=1.0,
-            mvv2e=1.0364269e-4,
-            boltz=8.617343e-5,
-            qqr2e=14.399645,
-            nktv2p=1.6021765e6,
-            mv2d=1.0 / 0.602214129,
-            labels=("angstrom", "eV", "g/mol", "angstrom/ps", "ps", "bar", "g/cm^3", "e"),
-        ),
-        _make(
-            "si",
-            length=1e10,
-            energy=1.0 / _E_CHARGE,
-            mass=1.0 / _AMU,
-            charge=1.0 / _E_CHARGE,
-            mvv2e=1.0,
-            boltz=1.3806504e-23,
-            qqr2e=8.9876e9,
-            nktv2p=1.0,
-            mv2d=1.0,
-            labels=("m", "J", "kg", "m/s", "s", "Pa", "kg/m^3", "C"),
-        ),
-        _make(
-            "cgs",
-            length=1e8,
-            energy=1e-7 / _E_CHARGE,
-            mass=1e-3 / _AMU,
-            charge=_STATCOULOMB / _E_CHARGE,
-            mvv2e=1.0,
-            boltz=1.3806504e-16,
-            qqr2e=1.0,
-            nktv2p=1.0,
-            mv2d=1.0,
-            labels=("cm", "erg", "g", "cm/s", "s", "dyne/cm^2", "g/cm^3", "statC"),
-        ),
-        _make(
-            "electron",
-            length=_BOHR,
-            energy=_HARTREE,
-            mass=1.0,
-            charge=1.0,
-            mvv2e=1.06657236,
-            boltz=3.16681534e-6,
-            qqr2e=1.0,
-            nktv2p=2.94210108e13,
-            mv2d=1.0,
-            labels=("bohr", "hartree", "amu", "bohr/fs", "fs", "Pa", "amu/bohr^3", "e"),
-        ),
-        _make(
-            "micro",
-            length=1e4,
-            energy=1e-15 / _E_CHARGE,
-            mass=1e-15 / _AMU,
-            charge=1e-12 / _E_CHARGE,
-            mvv2e=1.0,
-            boltz=1.3806504e-8,
-            qqr2e=8.987556e6,
-            nktv2p=1.0,
-            mv2d=1.0,
-            labels=("um", "pg*um^2/us^2", "pg", "um/us", "us", "pg/(um*us^2)", "pg/um^3", "pC"),
-        ),
-        _make(
-            "nano",
-            length=10.0,
-            energy=1e-21 / _E_CHARGE,
-            mass=1e-21 / _AMU,
-            charge=1.0,
-            mvv2e=1.0,
-            boltz=0.013806504,
-            qqr2e=230.7078669,
-            nktv2p=1.0,
-            mv2d=1.0,
-            labels=("nm", "ag*nm^2/ns^2", "ag", "nm/ns", "ns", "ag/(nm*ns^2)", "ag/nm^3", "e"),
-        ),
-        # ASE: its own CODATA 2014 constants (ase.units); its time unit is the internal one.
-        _make(
-            "ase",
-            length=1.0,
-            energy=1.0,
-            mass=1.0,
-            charge=1.0,
-            mvv2e=1.0,
-            boltz=8.617330337217213e-05,
-            qqr2e=14.399645351950548,
-            nktv2p=1.0,
-            mv2d=1.0,
-            labels=("angstrom", "eV", "amu", "angstrom/t_ase", "t_ase", "eV/angstrom^3", "amu/angstrom^3", "e"),
-        ),
-        # GPUMD's extended XYZ files: ASE's units but for velocities, in Å/fs; 1 amu (Å/fs)² in eV by CODATA 2018.
-        _make(
-            "gpumd",
-            length=1.0,
-            energy=1.0,
-            mass=1.0,
-            charge=1.0,
-            mvv2e=1e10 * _AMU / _E_CHARGE,
-            boltz=8.617333262e-05,
-            qqr2e=14.399645,
-            nktv2p=1.0,
-            mv2d=1.0,
-            labels=("angstrom", "eV", "amu", "angstrom/fs", "fs", "eV/angstrom^3", "amu/angstrom^3", "e"),
-        ),
-        # MDAnalysis: Å, ps, amu, kJ/mol; amu (Å/ps)² is 0.01 kJ/mol.
-        _make(
-            "mdanalysis",
-            length=1.0,
-            energy=_KJ_MOL,
-            mass=1.0,
-            charge=1.0,
-            mvv2e=0.01,
-            boltz=8.31446261815324e-3,
-            qqr2e=1389.354576,
-            nktv2p=1.0,
-            mv2d=1.0,
-            labels=("angstrom", "kJ/mol", "amu", "angstrom/ps", "ps", "kJ/(mol*angstrom^3)", "amu/angstrom^3", "e"),
-        ),
-    )
-}
+# fmt: off
+_SYSTEMS = {u.name: u for u in (
+    _make("lj", "sigma epsilon m sigma/tau tau epsilon/sigma^3 m/sigma^3 q*"),
+    _make("real", "angstrom kcal/mol g/mol angstrom/fs fs atm g/cm^3 e",
+          energy=_KCAL_MOL, mvv2e=48.88821291 * 48.88821291, boltz=0.0019872067, qqr2e=332.06371, nktv2p=68568.415,
+          mv2d=1.0 / 0.602214129),
+    _make("metal", "angstrom eV g/mol angstrom/ps ps bar g/cm^3 e",
+          mvv2e=1.0364269e-4, boltz=8.617343e-5, qqr2e=14.399645, nktv2p=1.6021765e6, mv2d=1.0 / 0.602214129),
+    _make("si", "m J kg m/s s Pa kg/m^3 C",
+          length=1e10, energy=1.0 / _E_CHARGE, mass=1.0 / _AMU, charge=1.0 / _E_CHARGE, boltz=1.3806504e-23,
+          qqr2e=8.9876e9),
+    _make("cgs", "cm erg g cm/s s dyne/cm^2 g/cm^3 statC",
+          length=1e8, energy=1e-7 / _E_CHARGE, mass=1e-3 / _AMU, charge=_STATCOULOMB / _E_CHARGE,
+          boltz=1.3806504e-16),
+    _make("electron", "bohr hartree amu bohr/fs fs Pa amu/bohr^3 e",
+          length=_BOHR, energy=_HARTREE, mvv2e=1.06657236, boltz=3.16681534e-6, nktv2p=2.94210108e13),
+    _make("micro", "um pg*um^2/us^2 pg um/us us pg/(um*us^2) pg/um^3 pC",
+          length=1e4, energy=1e-15 / _E_CHARGE, mass=1e-15 / _AMU, charge=1e-12 / _E_CHARGE, boltz=1.3806504e-8,
+          qqr2e=8.987556e6),
+    _make("nano", "nm ag*nm^2/ns^2 ag nm/ns ns ag/(nm*ns^2) ag/nm^3 e",
+          length=10.0, energy=1e-21 / _E_CHARGE, mass=1e-21 / _AMU, boltz=0.013806504, qqr2e=230.7078669),
+    # ASE: its own CODATA 2014 constants (ase.units); its time unit is the internal one.
+    _make("ase", "angstrom eV amu angstrom/t_ase t_ase eV/angstrom^3 amu/angstrom^3 e",
+          boltz=8.617330337217213e-05, qqr2e=14.399645351950548),
+    # GPUMD's extended XYZ files: ASE's units but for velocities, in Å/fs; 1 amu (Å/fs)² in eV by CODATA 2018.
+    _make("gpumd", "angstrom eV amu angstrom/fs fs eV/angstrom^3 amu/angstrom^3 e",
+          mvv2e=1e10 * _AMU / _E_CHARGE, boltz=8.617333262e-05, qqr2e=14.399645),
+    # MDAnalysis: Å, ps, amu, kJ/mol; amu (Å/ps)² is 0.01 kJ/mol.
+    _make("mdanalysis", "angstrom kJ/mol amu angstrom/ps ps kJ/(mol*angstrom^3) amu/angstrom^3 e",
+          energy=_KJ_MOL, mvv2e=0.01, boltz=8.31446261815324e-3, qqr2e=1389.354576),
+)}
+# fmt: on
 
 LAMMPS_STYLES = ("lj", "real", "metal", "si", "cgs", "electron", "micro", "nano")
 

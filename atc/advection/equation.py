@@ -219,18 +219,25 @@ class AdvectionRun:
 
         main = [max(find_shocks(self.x_n, u, self.psi), key=lambda s: s["jump"], default=None) for u in self.u_tn]
         shock = {
-            key: np.array([s[key] if s else np.nan for s in main]) for key in ("position", "jump", "width", "speed")
+            "position": "steepest descent of the strongest shock",
+            "jump": "u left of it minus u right of it",
+            "width": "jump over steepest slope",
+            "speed": "Rankine-Hugoniot speed of its two states",
         }
-        shape = (
-            self.kernel.shape
-            if isinstance(self.kernel.shape, str)
-            else getattr(self.kernel.shape, "__name__", "function")
-        )
+        series = {
+            "mass": (self.mass_t, "integral of u"),
+            "energy": (self.energy_t, "integral of u^2/2"),
+            "production": (self.production_t, "energy made by the flux since t = 0"),
+            "dissipation": (self.dissipation_t, "energy taken by the regularisation since t = 0"),
+            "closure": (self.closure_t, "what the entropy ledger does not account for, over the energy at t = 0"),
+            **{f"shock_{k}": (np.array([s[k] if s else np.nan for s in main]), what) for k, what in shock.items()},
+        }
+        called = lambda shape: shape if isinstance(shape, str) else getattr(shape, "__name__", "function")  # noqa: E731
         attrs = {
             "equation": "u_t + int F(u(x),u(y)) phi_a(y-x) dy = viscosity int (u(y)-u(x)) phi_s(y-x) dy",
             "flux": self.flux,
             "two_point_flux": self.two_point,
-            "kernel": shape,
+            "kernel": called(self.kernel.shape),
             "horizon": self.kernel.horizon,
             "viscosity": self.viscosity,
             "method": self.method,
@@ -251,30 +258,13 @@ class AdvectionRun:
             }
         if not self.kernel.smoothed_alike:
             own, reach = self.kernel.smoothing_shape, self.kernel.smoothing_horizon
-            own = self.kernel.shape if own is None else own
-            attrs["smoothing_kernel"] = own if isinstance(own, str) else getattr(own, "__name__", "function")
+            attrs["smoothing_kernel"] = called(self.kernel.shape if own is None else own)
             attrs["smoothing_horizon"] = self.kernel.horizon if reach is None else reach
         return xr.Dataset(
             {
                 **explicit,
                 "u": (("time", "x"), self.u_tn, {"long_name": "solution"}),
-                "mass": ("time", self.mass_t, {"long_name": "integral of u"}),
-                "energy": ("time", self.energy_t, {"long_name": "integral of u^2/2"}),
-                "production": ("time", self.production_t, {"long_name": "energy made by the flux since t = 0"}),
-                "dissipation": (
-                    "time",
-                    self.dissipation_t,
-                    {"long_name": "energy taken by the regularisation since t = 0"},
-                ),
-                "closure": (
-                    "time",
-                    self.closure_t,
-                    {"long_name": "what the entropy ledger does not account for, over the energy at t = 0"},
-                ),
-                "shock_position": ("time", shock["position"], {"long_name": "steepest descent of the strongest shock"}),
-                "shock_jump": ("time", shock["jump"], {"long_name": "u left of it minus u right of it"}),
-                "shock_width": ("time", shock["width"], {"long_name": "jump over steepest slope"}),
-                "shock_speed": ("time", shock["speed"], {"long_name": "Rankine-Hugoniot speed of its two states"}),
+                **{name: ("time", values, {"long_name": what}) for name, (values, what) in series.items()},
             },
             {"time": ("time", self.t_t), "x": ("x", self.x_n), **faces},
             attrs,
@@ -417,23 +407,10 @@ def advect(
     u_tn, made = np.array(records), np.array(ledgers) * dx
     with np.errstate(over="ignore", invalid="ignore"):
         mass, energy = np.array([math.fsum(v) * dx for v in u_tn]), 0.5 * (u_tn**2).sum(axis=1) * dx
+    flux, dt_range = "burgers" if burgers else getattr(psi, "__name__", "psi"), (shortest if steps else 0.0, longest)
+    recorded = np.arange(n) * dx, t_t, u_tn, mass, energy, made[:, 0], made[:, 1]
     return AdvectionRun(
-        kernel,
-        "burgers" if burgers else getattr(psi, "__name__", "psi"),
-        two_point,
-        float(viscosity),
-        method,
-        np.arange(n) * dx,
-        t_t,
-        u_tn,
-        mass,
-        energy,
-        made[:, 0],
-        made[:, 1],
-        steps,
-        (shortest if steps else 0.0, longest),
-        stopped,
-        function,
+        kernel, flux, two_point, float(viscosity), method, *recorded, steps, dt_range, stopped, function
     )
 
 

@@ -47,13 +47,9 @@ def kernel_shape(text: str):
                 f"{path}: {e}; expected two columns of numbers, s = |z|/horizon from 0 to 1 and b(s); a line of names "
                 "begins with #"
             ) from None
-        if (
-            table.shape[1] != 2
-            or len(table) < 2
-            or not (np.diff(table[:, 0]) > 0).all()
-            or table[0, 0] != 0
-            or abs(table[-1, 0] - 1) > 1e-9
-        ):
+        s = table[:, 0]
+        shaped = table.shape[1] == 2 and len(table) >= 2
+        if not (shaped and (np.diff(s) > 0).all() and s[0] == 0 and abs(s[-1] - 1) <= 1e-9):
             raise AtcError(f"{path}: expected two columns, s increasing from 0 to 1 and b(s) >= 0")
 
         def tabulated(s):
@@ -65,32 +61,58 @@ def kernel_shape(text: str):
     return shape
 
 
-def _smoothing(kernel, horizon):
-    return None if kernel is None else kernel_shape(kernel), horizon
+@dataclass
+class Problem:
+    """What is solved on one period, as `advect` takes it; `initial` and fluxes other than burgers are formulas of x and
+    u, `kernel` and `smoothing_kernel` what `kernel_shape` takes.
+
+    Raises AtcError for what makes no problem.
+    """
+
+    initial: str
+    length: float
+    nodes: int
+    kernel: str
+    viscosity: float
+    flux: str
+    two_point: str
+    duration: float
+    method: str
+    safety: float
+    smoothing_kernel: str | None = None
+
+    def __post_init__(self):
+        length, nodes = self.length, self.nodes
+        if not 0 < self.safety <= 1:
+            raise AtcError(
+                f"--safety {self.safety:g}: expected a part of the stable time step, greater than 0 and at most 1"
+            )
+        if not 1e-30 < length < 1e30:
+            raise AtcError(f"--length {length:g}: expected a period greater than 0 (1e-30 to 1e30)")
+        if not 8 <= nodes <= 10_000_000:
+            raise AtcError(f"--nodes {nodes}: expected 8 to 10,000,000")
+        inner = formula(self.initial, "x", "--initial", L=length)
+        self.u0 = lambda x: inner(np.mod(x, length))
+        self.psi = "burgers" if self.flux == "burgers" else formula(self.flux, "u", "--flux", ("burgers",))
+        self.x, self.dx = np.arange(nodes) * (length / nodes), length / nodes
+        bad = ~np.isfinite(self.u0(self.x))
+        if bad.any():
+            raise AtcError(f"--initial {self.initial!r}: is not a finite number at x = {self.x[np.argmax(bad)]:g}")
+
+    def solve(self, horizon: float, times: int, smoothing_horizon: float | None = None) -> AdvectionRun:
+        """The run with a kernel of this horizon, recorded at so many times."""
+        smoothing = None if self.smoothing_kernel is None else kernel_shape(self.smoothing_kernel)
+        kernel = Kernel(kernel_shape(self.kernel), horizon, self.dx, smoothing, smoothing_horizon)
+        how = {k: getattr(self, k) for k in ("duration", "viscosity", "psi", "two_point", "method", "safety")}
+        return advect(self.u0(self.x), kernel, times=times, **how)
 
 
 def run_study(
-    *,
-    initial="sin(2*pi*x)",
-    length=1.0,
-    nodes=1024,
-    kernel="gaussian",
-    horizon=0.02,
-    viscosity=0.01,
-    flux="burgers",
-    two_point="midpoint",
-    duration=1.0,
-    frames=101,
-    method="auto",
-    safety=0.5,
-    reference=True,
-    smoothing_kernel=None,
-    smoothing_horizon=None,
-    fluxes=False,
+    problem: Problem, horizon: float, frames: int, reference: bool = True, smoothing_horizon=None, fluxes: bool = False
 ) -> Study:
-    """One run; for Burgers' flux with the local solution beside it (variable ``local``). `smoothing_kernel` and
-    `smoothing_horizon`: φ_s's own profile and reach; `fluxes`: the explicit fluxes too."""
-    u0, psi, x, dx = _problem(initial, length, nodes, flux, safety)
+    """One run; for Burgers' flux with the local solution beside it (variable ``local``). `smoothing_horizon`: φ_s's own
+    reach; `fluxes`: the explicit fluxes too."""
+    nodes, viscosity, two_point, kernel = problem.nodes, problem.viscosity, problem.two_point, problem.kernel
     if frames < 2:
         raise AtcError(f"--frames {frames}: expected 2 or more")
     if frames * nodes > 200_000_000:
@@ -98,19 +120,9 @@ def run_study(
             f"--frames {frames} of --nodes {nodes}: {frames * nodes:.1e} numbers to keep, expected at most 2e8; take "
             "fewer frames"
         )
-    run = advect(
-        u0(x),
-        Kernel(kernel_shape(kernel), horizon, dx, *_smoothing(smoothing_kernel, smoothing_horizon)),
-        duration=duration,
-        viscosity=viscosity,
-        psi=psi,
-        two_point=two_point,
-        times=frames,
-        method=method,
-        safety=safety,
-    )
+    run = problem.solve(horizon, frames, smoothing_horizon)
     ds = run.dataset(fluxes)
-    ds.attrs |= {"initial": initial, "flux": flux, "kernel": kernel}
+    ds.attrs |= {"initial": problem.initial, "flux": problem.flux, "kernel": kernel}
     lines = [
         f"{run.steps} steps of {run.dt_range[0]:.3g} to {run.dt_range[1]:.3g} by {run.method}, kernel {kernel} over "
         f"{run.kernel.neighbors} nodes on either side",
@@ -126,30 +138,15 @@ def run_study(
         for s in shocks[:3]
     ] or ["no shock at the end"]
     if len(shocks) > 3:
-        lines.append(
-            f"and {len(shocks) - 3} more steep falls: oscillations, which no viscosity damps"
-            if not viscosity
-            else f"and {len(shocks) - 3} more"
-        )
+        why = "" if viscosity else " steep falls: oscillations, which no viscosity damps"
+        lines.append(f"and {len(shocks) - 3} more{why}")
     if run.stopped:
-        lines.append(
-            f"stopped early: {run.stopped}"
-            + (
-                "; the midpoint flux makes energy at viscosity 0: take the conserving one, or a viscosity"
-                if two_point == "midpoint" and not viscosity
-                else ""
-            )
-        )
-    if reference and psi == "burgers" and not run.stopped:
-        local, error = cole_hopf(u0, x, float(run.t_t[-1]), viscosity, length)
-        ds["local"] = (
-            "x",
-            local,
-            {
-                "long_name": "local Burgers equation at the last time: " + ("Cole-Hopf" if viscosity else "Hopf-Lax"),
-                "error": error,
-            },
-        )
+        why = "; the midpoint flux makes energy at viscosity 0: take the conserving one, or a viscosity"
+        lines.append(f"stopped early: {run.stopped}{why if two_point == 'midpoint' and not viscosity else ''}")
+    if reference and problem.psi == "burgers" and not run.stopped:
+        local, error = cole_hopf(problem.u0, problem.x, float(run.t_t[-1]), viscosity, problem.length)
+        what = "local Burgers equation at the last time: " + ("Cole-Hopf" if viscosity else "Hopf-Lax")
+        ds["local"] = ("x", local, {"long_name": what, "error": error})
         difference = np.abs(run.u_tn[-1] - local)
         stated = f"Cole-Hopf, itself within {max(error, 1e-16):.0e}" if viscosity else "Hopf-Lax"
         lines.append(
@@ -159,26 +156,12 @@ def run_study(
     return Study(ds, run, lines)
 
 
-def convergence_study(
-    *,
-    horizons,
-    initial="sin(2*pi*x)",
-    length=1.0,
-    nodes=1024,
-    kernel="gaussian",
-    viscosity=0.05,
-    flux="burgers",
-    two_point="midpoint",
-    duration=0.3,
-    method="auto",
-    safety=0.5,
-    smoothing_kernel=None,
-) -> Study:
+def convergence_study(problem: Problem, horizons) -> Study:
     """The same problem with several horizons against Cole–Hopf: errors and the observed order."""
     import xarray as xr
 
-    u0, psi, x, dx = _problem(initial, length, nodes, flux, safety)
-    if psi != "burgers":
+    viscosity, duration, x = problem.viscosity, problem.duration, problem.x
+    if problem.psi != "burgers":
         raise AtcError("--horizons compares with the Cole-Hopf solution, which only Burgers' flux has")
     if viscosity <= 0:
         raise AtcError(
@@ -188,20 +171,10 @@ def convergence_study(
     horizons = np.array(sorted({float(h) for h in horizons}, reverse=True))
     if len(horizons) < 2:
         raise AtcError("--horizons: expected two or more")
-    local, stated = cole_hopf(u0, x, duration, viscosity, length)
+    local, stated = cole_hopf(problem.u0, x, duration, viscosity, problem.length)
     errors, solutions = [], []
     for h in horizons:
-        run = advect(
-            u0(x),
-            Kernel(kernel_shape(kernel), float(h), dx, *_smoothing(smoothing_kernel, None)),
-            duration=duration,
-            viscosity=viscosity,
-            psi=psi,
-            two_point=two_point,
-            times=2,
-            method=method,
-            safety=safety,
-        )
+        run = problem.solve(float(h), 2)
         if run.stopped:
             raise AtcError(f"horizon {h:g}: the run {run.stopped}")
         solutions.append(run.u_tn[-1])
@@ -219,12 +192,8 @@ def convergence_study(
         },
         {"horizon": ("horizon", horizons), "x": ("x", x)},
         {
-            "initial": initial,
-            "kernel": kernel,
-            "viscosity": viscosity,
-            "two_point_flux": two_point,
-            "time": duration,
-            "atc_version": __version__,
+            **{key: getattr(problem, key) for key in ("initial", "kernel", "viscosity")},
+            **{"two_point_flux": problem.two_point, "time": duration, "atc_version": __version__},
         },
     )
     lines = [f"rms difference from Cole-Hopf (itself within {max(stated, 1e-16):.0e}) at t = {duration:g}"]
@@ -233,26 +202,6 @@ def convergence_study(
         for h, e, o in zip(horizons, errors, order)
     ]
     return Study(ds, None, lines)
-
-
-def _problem(initial, length, nodes, flux, safety):
-    if not 0 < safety <= 1:
-        raise AtcError(f"--safety {safety:g}: expected a part of the stable time step, greater than 0 and at most 1")
-    if not 1e-30 < length < 1e30:
-        raise AtcError(f"--length {length:g}: expected a period greater than 0 (1e-30 to 1e30)")
-    if not 8 <= nodes <= 10_000_000:
-        raise AtcError(f"--nodes {nodes}: expected 8 to 10,000,000")
-    inner = formula(initial, "x", "--initial", L=length)
-
-    def u0(x):
-        return inner(np.mod(x, length))
-
-    psi = "burgers" if flux == "burgers" else formula(flux, "u", "--flux", ("burgers",))
-    x = np.arange(nodes) * (length / nodes)
-    values = u0(x)
-    if not np.isfinite(values).all():
-        raise AtcError(f"--initial {initial!r}: is not a finite number at x = {x[np.argmin(np.isfinite(values))]:g}")
-    return u0, psi, x, length / nodes
 
 
 def picture(study: Study, path: Path) -> Path:
@@ -274,12 +223,8 @@ def picture(study: Study, path: Path) -> Path:
             left.set(xlabel="x", ylabel="u", title=f"t = {ds.attrs['time']:g}")
             left.legend()
             right.loglog(ds.horizon, ds.error, "o-")
-            right.loglog(
-                ds.horizon,
-                ds.error.values[-1] * (ds.horizon / ds.horizon.values[-1]) ** 2,
-                color="0.6",
-                label="slope 2",
-            )
+            second = ds.error.values[-1] * (ds.horizon / ds.horizon.values[-1]) ** 2
+            right.loglog(ds.horizon, second, color="0.6", label="slope 2")
             right.set(xlabel="horizon", ylabel="rms difference from Cole–Hopf")
             right.legend()
         else:
@@ -287,16 +232,8 @@ def picture(study: Study, path: Path) -> Path:
             a, b, c = fig.subplots(1, 3)
             top = float(np.nanmax(np.abs(ds.u))) or 1.0
             step = max(1, len(run.x_n) // 1500)
-            a_map = a.pcolormesh(
-                run.x_n[::step],
-                run.t_t,
-                run.u_tn[:, ::step],
-                cmap="RdBu_r",
-                vmin=-top,
-                vmax=top,
-                shading="nearest",
-                rasterized=True,
-            )
+            how = {"cmap": "RdBu_r", "vmin": -top, "vmax": top, "shading": "nearest", "rasterized": True}
+            a_map = a.pcolormesh(run.x_n[::step], run.t_t, run.u_tn[:, ::step], **how)
             fig.colorbar(a_map, ax=a, label="u")
             a.plot(ds.shock_position, ds.time, "k.", ms=1)
             a.set(xlabel="x", ylabel="time", title="u, and its strongest shock")
@@ -306,9 +243,9 @@ def picture(study: Study, path: Path) -> Path:
                 b.plot(ds.x, ds.local, "k--", lw=0.8, label="local")
             b.set(xlabel="x", title="u")
             b.legend()
-            c.plot(run.t_t, run.energy_t, label="energy ∫ u²/2")
-            c.plot(run.t_t, run.production_t, label="made by the flux")
-            c.plot(run.t_t, run.dissipation_t, label="taken by the regularisation")
+            made = {"energy ∫ u²/2": run.energy_t, "made by the flux": run.production_t}
+            for label, values in {**made, "taken by the regularisation": run.dissipation_t}.items():
+                c.plot(run.t_t, values, label=label)
             c.plot(run.t_t, run.mass_t, color="0.6", label="mass")
             c.set(xlabel="time", title=f"ledgers; open by {np.abs(run.closure_t).max():.0e}")
             c.legend()

@@ -134,11 +134,8 @@ def _held(c: _Case) -> str:
         )
     if touched and set(touched) <= set(zero):
         return f"forces along {_axes(touched)} set to 0 ({_which(c)}): fix setforce, planeforce, lineforce or enforce2d"
-    if (
-        touched
-        and all(np.ptp(F[:, k]) <= 1e-5 * np.abs(F[:, k]).max() for k in touched)
-        and np.ptp(c.model_nc[c.odd][:, touched]) > 0
-    ):
+    one_value = touched and all(np.ptp(F[:, k]) <= 1e-5 * np.abs(F[:, k]).max() for k in touched)
+    if one_value and np.ptp(c.model_nc[c.odd][:, touched]) > 0:
         return f"forces along {_axes(touched)} set to one value ({_which(c)}): fix setforce or aveforce"
     return ""
 
@@ -158,26 +155,17 @@ def _per_atom(c: _Case) -> str:
     g, rest = left(np.ones(len(D)))
     if c.holds(rest):
         equal = [name for name, w in weights.items() if np.ptp(w) <= 1e-9 * np.abs(w).max()]
-        more = (
-            " (mass and charge are the same for all of them: gravity or an electric field would look the same)"
-            if equal
-            else ""
-        )
+        alike = " (mass and charge are the same for all of them: gravity or an electric field would look the same)"
+        more = alike if equal else ""
         value = _vector(f.units.to_user("force", g))
         return f"the same force {value} {f.units.label('force')} on each atom ({_which(c)}): fix addforce{more}"
     if "mass" in weights:
         g, rest = left(weights["mass"])
         if c.holds(rest):
-            value = (
-                f"{_vector(f.units.to_user('velocity', g) * f.units.time)} "
-                f"{f.units.label('length')}/{f.units.label('time')}^2"
-            )
-            what = (
-                "fix gravity"
-                if not c.same.any()
-                else "fix gravity, or a force on their centre of mass (fix spring, addforce, smd)"
-            )
-            return f"forces proportional to mass, acceleration {value} ({_which(c)}): {what}"
+            value = _vector(f.units.to_user("velocity", g) * f.units.time)
+            unit = f"{f.units.label('length')}/{f.units.label('time')}^2"
+            what = ", or a force on their centre of mass (fix spring, addforce, smd)" if c.same.any() else ""
+            return f"forces proportional to mass, acceleration {value} {unit} ({_which(c)}): fix gravity{what}"
     if "charge" in weights:
         E, rest = left(weights["charge"])
         if c.holds(rest):
@@ -241,9 +229,8 @@ def _one_coordinate(c: _Case) -> str:
     inside, edge = x[~c.odd], x[c.odd]
     where = _which(c)
     near = ""
-    if len(inside) and (
-        edge.max() < inside.min() or edge.min() > inside.max() or (edge.max() - edge.min()) < 0.5 * np.ptp(x)
-    ):
+    narrow = (edge.max() - edge.min()) < 0.5 * np.ptp(x)
+    if len(inside) and (edge.max() < inside.min() or edge.min() > inside.max() or narrow):
         a, b = (float(u.to_user("length", s)) for s in (edge.min(), edge.max()))
         near = f", with {'xyz'[k]} from {a:.4g} to {b:.4g} {u.label('length')}"
     return (
@@ -392,10 +379,10 @@ def _charges(c: _Case) -> str:
 def _coulomb_forces(c: _Case, q):
     """What of the potential's forces depends on charges `q`."""
     try:
-        with_q = c.pot.stream(c.frame.replace(charges=q), None, threads=c.threads, forces=True).forces_nc
-        without = c.pot.stream(
-            c.frame.replace(charges=np.zeros(len(q))), None, threads=c.threads, forces=True
-        ).forces_nc
+        with_q, without = (
+            c.pot.stream(c.frame.replace(charges=charges), None, threads=c.threads, forces=True).forces_nc
+            for charges in (q, np.zeros(len(q)))
+        )
     except AtcError:
         return None
     return with_q - without
@@ -420,9 +407,7 @@ def _other_charges(c: _Case, q, coulomb, groups) -> str:
         )
     if not 2 <= len(groups):
         return ""
-    alone = []
-    for g in groups:
-        alone.append(_coulomb_forces(c, np.where(g, q, 0.0)))
+    alone = [_coulomb_forces(c, np.where(g, q, 0.0)) for g in groups]
     parts = {(a, a): alone[a] for a in range(len(groups))}
     for a in range(len(groups)):
         for b in range(a + 1, len(groups)):

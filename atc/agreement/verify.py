@@ -48,16 +48,15 @@ class Verification:
 
     @property
     def force_error(self) -> float:
-        return max(
-            (_ratio(f.force_error, f.force_max) for f in self.frames if f.force_error is not None), default=float("nan")
-        )
+        return self._largest("force")
 
     @property
     def stress_error(self) -> float:
-        return max(
-            (_ratio(f.stress_error, f.stress_max) for f in self.frames if f.stress_error is not None),
-            default=float("nan"),
-        )
+        return self._largest("stress")
+
+    def _largest(self, kind: str) -> float:
+        pairs = [(getattr(f, f"{kind}_error"), getattr(f, f"{kind}_max")) for f in self.frames]
+        return max((_ratio(*pair) for pair in pairs if pair[0] is not None), default=float("nan"))
 
     @property
     def energy_error(self) -> float:
@@ -89,11 +88,8 @@ class Verification:
             if c.stress_error is not None:
                 line += f"; virial stress by {c.stress_error:.3g} of {c.stress_max:.3g} {p}"
             if c.agrees is not None:
-                line += (
-                    f", explained by {c.because}"
-                    if c.agrees
-                    else ", more than the file's digits explain" + (f": it looks like {c.looks}" if c.looks else "")
-                )
+                looks = f": it looks like {c.looks}" if c.looks else ""
+                line += f", explained by {c.because}" if c.agrees else f", more than the file's digits explain{looks}"
             lines.append(line)
         return "\n".join(lines)
 

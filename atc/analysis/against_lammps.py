@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from .compare import Comparison
+from .compare import Comparison, sizes
 
 #: Which field a column of LAMMPS is, where its name says it.
 ALIKE = {
@@ -38,9 +38,7 @@ class AgainstLammps(Comparison):
 
         pairs = [(n, n.removesuffix("_lammps")) for n in self.data.data_vars if n.endswith("_lammps")]
         curves = [(name, {"atc": self.data[name], "LAMMPS": self.data[theirs]}) for theirs, name in pairs]
-        path = Path(path)
-        save(profiles_figure(curves, self.title), path)
-        return path
+        return save(profiles_figure(curves, self.title), path)
 
 
 def compare_with_lammps(ds, file, columns=None, *, frame=None, units=None) -> AgainstLammps:
@@ -88,9 +86,8 @@ def compare_with_lammps(ds, file, columns=None, *, frame=None, units=None) -> Ag
         raise AtcError(f"{name}: is on a {place.kind}: LAMMPS's cells and bins go with a regular grid or a slab")
     axes = _axes(ds, place, theirs, name, file)
     which, there, steps = _entries(ds, theirs, frame, [p[2] for p in pairs])
-    out = AgainstLammps(
-        [], xr.Dataset(), "", f"{Path(file).name} of LAMMPS against {Path(name).name}{steps}", place=place
-    )
+    title = f"{Path(file).name} of LAMMPS against {Path(name).name}{steps}"
+    out = AgainstLammps([], xr.Dataset(), "", title, place=place)
     section = f"LAMMPS ({theirs.attrs['kind']}) - atc"
     data = {}
     for field, comp, expression in pairs:
@@ -104,20 +101,10 @@ def compare_with_lammps(ds, file, columns=None, *, frame=None, units=None) -> Ag
             continue
         d = (lammps - ours)[good]
         scale = float(np.abs(ours[good]).max()) or 1.0
-        rms, largest = float(np.sqrt((d**2).mean())), float(np.abs(d).max())
-        out.rows.append(
-            {
-                "section": section,
-                "name": f"{label} = {' * '.join(map(str, expression))}",
-                "unit": ds[field].attrs.get("units", ""),
-                "mean, atc": float(ours[good].mean()),
-                "mean, LAMMPS": float(lammps[good].mean()),
-                "rms": rms,
-                "max": largest,
-                "relative rms": rms / scale,
-                "relative max": largest / scale,
-            }
-        )
+        row = {"section": section, "name": f"{label} = {' * '.join(map(str, expression))}"}
+        row["unit"] = ds[field].attrs.get("units", "")
+        row |= {"mean, atc": float(ours[good].mean()), "mean, LAMMPS": float(lammps[good].mean())}
+        out.rows.append({**row, **sizes(d, scale)})
         dims = [place.dims[k] for k in axes]
         coords = {d: ds[d] for d in dims if d in ds.coords}
         attrs = {"units": ds[field].attrs.get("units", ""), "long_name": label.replace("_", " ")}
@@ -276,10 +263,10 @@ def _elsewhere(name, shape, file, other) -> str:
 
 def _entries(ds, theirs, frame, expressions):
     """Which entries of both are averaged, and what to say of it."""
+    from ..pictures.drawing import require_frame
+
     n = ds.sizes.get("frame", 1)
-    if frame is not None and not -n <= frame < n:
-        raise AtcError(f"frame {frame}: the output has {n} frame{'s' * (n != 1)}, numbered 0 to {n - 1}")
-    ours = list(range(n)) if frame is None else [frame % n]
+    ours = list(range(n)) if frame is None else [require_frame(ds, frame) % n]
     # A fix that has not averaged yet gives nothing but zeros.
     there = [k for k in range(theirs.sizes["frame"]) if any(np.any(_value(theirs, e, k)) for e in expressions)]
     if not there:
@@ -316,7 +303,7 @@ def _mean_of_ours(ds, field, comp, which, dims, axes, name):
     for k in which:
         pick = {"frame": k} if "frame" in ds[field].dims else {}
         x = ds[field].isel(pick).transpose(*dims, *tail).values
-        x = x if comp is None else component(x, comp, int(ds.attrs.get("dimension", 3)), rank=len(tail))
+        x = component(x, comp, int(ds.attrs.get("dimension", 3)), rank=len(tail))
         if others:
             w = ds[weight].isel(pick).transpose(*dims).values if weight else np.ones(x.shape)
             w = np.where(np.isfinite(x), w, 0.0)

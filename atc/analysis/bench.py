@@ -71,15 +71,8 @@ class Bench:
             f"{self.kernel}, {self.threads} thread(s)"
         )
         table = Table(box=None, pad_edge=False)
-        for name, justify in (
-            ("method", "left"),
-            ("CPU s", "right"),
-            ("wall s", "right"),
-            ("error max", "right"),
-            ("error l2", "right"),
-            ("", "left"),
-        ):
-            table.add_column(name, justify=justify, no_wrap=True)
+        for name in ("method", "CPU s", "wall s", "error max", "error l2", ""):
+            table.add_column(name, justify="left" if name in ("method", "") else "right", no_wrap=True)
         for r in self.rungs:
             mark = ", ".join(["on the front"] * r.front + ["what auto takes"] * r.chosen)
             table.add_row(r.label, f"{r.cpu:.3g}", f"{r.wall:.3g}", f"{r.error_max:.1e}", f"{r.error_l2:.1e}", mark)
@@ -95,6 +88,7 @@ class Bench:
 
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         ax = figure.add_subplot()
+        places = lambda rungs: ([r.cpu for r in rungs], [max(r.error_max, 1e-16) for r in rungs])  # noqa: E731
         styles = {
             "spectral": ("o", "C0"),
             "direct": ("s", "C1"),
@@ -105,30 +99,13 @@ class Bench:
         for method in dict.fromkeys(r.method for r in self.rungs):
             some = [r for r in self.rungs if r.method == method]
             marker, color = styles.get(method, ("x", "C4"))
-            ax.plot(
-                [r.cpu for r in some],
-                [max(r.error_max, 1e-16) for r in some],
-                marker=marker,
-                color=color,
-                ls="",
-                ms=7,
-                label=method,
-            )
+            ax.plot(*places(some), marker=marker, color=color, ls="", ms=7, label=method)
             for r in some:
                 if r.tolerance and r.method == "spectral":
-                    ax.annotate(
-                        f"{r.tolerance:g}", (r.cpu, r.error_max), textcoords="offset points", xytext=(6, 3), fontsize=8
-                    )
+                    beside = {"textcoords": "offset points", "xytext": (6, 3), "fontsize": 8}
+                    ax.annotate(f"{r.tolerance:g}", (r.cpu, r.error_max), **beside)
         front = sorted((r for r in self.rungs if r.front), key=lambda r: r.cpu)
-        ax.step(
-            [r.cpu for r in front],
-            [max(r.error_max, 1e-16) for r in front],
-            where="post",
-            color="0.6",
-            lw=1,
-            zorder=0,
-            label="Pareto front",
-        )
+        ax.step(*places(front), where="post", color="0.6", lw=1, zorder=0, label="Pareto front")
         ax.set(xscale="log", yscale="log", xlabel="CPU seconds a frame", ylabel="largest error / largest value")
         ax.set_title(f"{self.field}, {self.atoms:,} atoms, {self.points:,} points, {self.kernel}", fontsize=10)
         ax.grid(True, which="both", alpha=0.25)
@@ -198,20 +175,16 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         raise AtcError(f"atc bench: {name} needs a reference frame: give one")
 
     def run(settings):
-        best = None
-        while best is None or (best[1] + best[2] < SHORT and best[3] < 2):
+        least = (np.inf, np.inf)
+        for _ in range(2):
             cpu, wall = time.process_time(), time.perf_counter()
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", AtcWarning)
                 result = fields_of([frame], settings)
-            cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-            again = 0 if best is None else best[3]
-            best = (
-                (result, cpu, wall, again + 1)
-                if best is None
-                else (result, min(cpu, best[1]), min(wall, best[2]), again + 1)
-            )
-        return best[:3]
+            least = min(least[0], time.process_time() - cpu), min(least[1], time.perf_counter() - wall)
+            if sum(least) >= SHORT:
+                break
+        return result, *least
 
     rungs, left_out, exact = [], [], None
     needed = sizes(work, len(frame), job.load)
@@ -223,42 +196,18 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
         # The exact sum is what all errors are measured against; its own is what the check at random points finds.
         progress("the exact sum")
         result, cpu, wall = run(settings)
-        exact = result.arrays[name]
-        own = result.errors[name]
-        rungs.append(
-            Rung(
-                "direct (exact)",
-                "direct" if bound.kind != "slab" else "slab",
-                None,
-                cpu,
-                wall,
-                own["error_max"],
-                own["error_l2"],
-            )
-        )
+        exact, own = result.arrays[name], result.errors[name]
+        method = "direct" if bound.kind != "slab" else "slab"
+        rungs.append(Rung("direct (exact)", method, None, cpu, wall, own["error_max"], own["error_l2"]))
     else:
-        left_out.append(
-            (
-                "direct",
-                f"predicted to take {seconds:.0f} s of CPU: errors are those found at random points, of virials those "
-                "from the closest result",
-            )
-        )
+        why = f"predicted to take {seconds:.0f} s of CPU: errors are those found at random points, of virials those "
+        left_out.append(("direct", f"{why}from the closest result"))
     for t in sorted(tolerances, reverse=True):
         try:
-            deposits = {
-                k: cheapest(
-                    costs,
-                    places[k][0],
-                    kern,
-                    places[k][1],
-                    *size,
-                    t,
-                    "gather" in k and work.slopes(k),
-                    carriers(k, work, len(frame)),
-                )
-                for k, size in needed.items()
-            }
+            deposits = {}
+            for k, size in needed.items():
+                more = "gather" in k and work.slopes(k), carriers(k, work, len(frame))
+                deposits[k] = cheapest(costs, places[k][0], kern, places[k][1], *size, t, *more)
         except AtcError as e:
             left_out.append((f"spectral {t:g}", str(e)))
             continue
@@ -305,33 +254,22 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
             rungs.append(binned)
     chosen = job.methods_for(work)
     main = chosen[list(needed)[-1]]
-    candidates = [
-        r for r in rungs if (r.method == "spectral") == (not main.exact) and r.method in ("spectral", "direct", "slab")
-    ]
+    alike = ("direct", "slab") if main.exact else ("spectral",)
+    candidates = [r for r in rungs if r.method in alike]
     if candidates:
         nearest = min(candidates, key=lambda r: abs(np.log((r.tolerance or 1.0) / (main.tolerance or 1.0))))
         nearest.chosen = True
     mark_front(rungs)
     bonds = round(job.load.bonds) if work.bond or work.reference_bond else 0
-    return Bench(
-        frame.source,
-        name,
-        len(frame),
-        bonds,
-        len(bound),
-        job.request.kern.describe(),
-        job.request.threads,
-        rungs,
-        left_out,
-    )
+    sizes_of = len(frame), bonds, len(bound), job.request.kern.describe(), job.request.threads
+    return Bench(frame.source, name, *sizes_of, rungs, left_out)
 
 
 def _errors(values, exact) -> tuple[float, float]:
     d = np.nan_to_num(values) - np.nan_to_num(exact)
     largest, rms = float(np.abs(np.nan_to_num(exact)).max(initial=0.0)), float(np.sqrt(np.nanmean(exact**2)))
-    return float(np.abs(d).max(initial=0.0)) / largest if largest else 0.0, float(
-        np.sqrt(np.mean(d**2))
-    ) / rms if rms else 0.0
+    worst, mean = float(np.abs(d).max(initial=0.0)), float(np.sqrt(np.mean(d**2)))
+    return worst / largest if largest else 0.0, mean / rms if rms else 0.0
 
 
 def _binned(frame, job, bound, exact) -> Rung | None:

@@ -94,16 +94,10 @@ class Calculator(Interactions):
             flux = key == "heat_flux_normal"
             unit, sign = ("energy_flux", "heat along the normal") if flux else ("pressure", "tension positive")
             values = u.to_user(unit, np.array([row[key] for row in rows]))
-            data[key] = (
-                ("frame", dim) if flux else ("frame", dim, "j"),
-                values,
-                {"units": u.label(unit), "sign_convention": sign},
-            )
-        return xr.Dataset(
-            data,
-            coords={**at[0], "j": list("xyz")},
-            attrs={"decomposition": f"none: averages over planes of {self.describe()}", "kernel": kernel.describe()},
-        )
+            dims = ("frame", dim) if flux else ("frame", dim, "j")
+            data[key] = (dims, values, {"units": u.label(unit), "sign_convention": sign})
+        attrs = {"decomposition": f"none: averages over planes of {self.describe()}", "kernel": kernel.describe()}
+        return xr.Dataset(data, coords={**at[0], "j": list("xyz")}, attrs=attrs)
 
     # --- one frame, in ASE's units, which are the internal ones
 
@@ -118,9 +112,8 @@ class Calculator(Interactions):
         periodic = bool(cell.periodic[axis])
         away = np.floor(s_n) if periodic else np.zeros(len(s_n))
         s_n, x_nc = (s_n - away) * height, frame.positions - away[:, None] * cell.vectors[axis]
-        at = self._evaluate(
-            frame, frame.positions, ["forces"] + ["stress"] * periodic + ["energies", "energy"] * heat, here
-        )
+        asked = ["forces"] + ["stress"] * periodic + ["energies", "energy"] * heat
+        at = self._evaluate(frame, frame.positions, asked, here)
         F = at["forces"]
         if not (np.abs(F.sum(0)) <= _ROUNDING * max(np.abs(F).sum(0).max(), 1e-300)).all():
             raise AtcError(

@@ -223,10 +223,9 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     order = sorted(near)
     for a, b in itertools.pairwise(order):
         if not times[b] > times[a]:
-            return (
-                None,
+            return None, (
                 f"no differences between frames: time does not increase from {_called(k + a, near[a])} to "
-                f"{_called(k + b, near[b])}: joined or appended files?",
+                f"{_called(k + b, near[b])}: joined or appended files?"
             )
     if any(abs(times[m] - times[0] - m * dt) > 1e-6 * dt * abs(m) for m in order):
         gaps = {(a, b): (times[b] - times[a]) / (b - a) for a, b in itertools.pairwise(order)}
@@ -251,10 +250,9 @@ def _frames(traj, k, frame, pot, kern, x_gc, exact, laws, scale, found, timestep
     frequency = np.sqrt(pull / heat) if heat > 0 else 0.0
     if frequency * dt > CLOSE:
         good, here = (number(u.to_user("time", t)) for t in (0.1 / frequency, dt))
-        return (
-            None,
+        return None, (
             f"no differences between frames: they are {here} {label} apart, too far for the motion of the atoms; "
-            f"{good} {label} or less would do",
+            f"{good} {label} or less would do"
         )
     spacings = [m for m in (1, 2, 4) if m in near and m * dt * frequency <= 2 * CLOSE]
     drift = state.drift
@@ -306,9 +304,7 @@ def _extrapolated(residuals, spacings, name, scale, noise, jump, dt, steps, cap)
     r = {m: residuals[m][name].residual for m in spacings}
     without = {m: residuals[m][name].without for m in spacings}
     if len(spacings) == 1:
-        value, bare = r[1], without[1]
-        curvature = np.inf
-        integrator = 0.0
+        value, bare, curvature, integrator = r[1], without[1], np.inf, 0.0
     else:
         value = (4 * r[1] - r[2]) / 3
         bare = None if without[1] is None else (4 * without[1] - without[2]) / 3

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..estimators import balance
+from ..terminal import tell
 
 #: A law in closed form leaves rounding only: 1e-13 or so of the largest term, more where forces cancel.
 EXACT = 1e-9
@@ -100,16 +101,9 @@ class Report:
         return json.dumps(self.data | {"holds": self.ok, "verdict": self.verdict, "notes": self.notes}, indent=2)
 
     def print(self, console) -> None:
-        console.print(self.title, soft_wrap=True)
-        widths = [max(len(r[c]) for r in self.rows) for c in range(len(self.rows[0]))]
-        for row in self.rows:
-            console.print(
-                "  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip(), soft_wrap=True
-            )
-        for line in self.verdict:
-            console.print(line, soft_wrap=True)
-        for note in self.notes:
-            console.print(f"note: {note}", soft_wrap=True)
+        widths = [max(len(cell) for cell in column) for column in zip(*self.rows, strict=True)]
+        rows = ("  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths)).rstrip() for row in self.rows)
+        tell(console, [self.title, *(f"  {row}" for row in rows), *self.verdict], self.notes)
 
 
 def relative(a, b) -> float:
@@ -189,14 +183,8 @@ def _table(f: Findings) -> list[list[str]]:
             row.append(", ".join(f"{s:.2f}" for s in f.frames.slope.get(name, [])))
         rows.append(row)
         if name == "energy":
-            rows.append(
-                [
-                    "  without churning",
-                    "",
-                    *(_e(found[name].without) for found in f.ways.values()),
-                    *([""] if f.frames else []),
-                ]
-            )
+            without = [_e(found[name].without) for found in f.ways.values()]
+            rows.append(["  without churning", "", *without, *([""] if f.frames else [])])
     return rows
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..terminal import tell
 
 SIX = ("xx", "yy", "zz", "xy", "xz", "yz")
 SHOWN = (*SIX, "hydrostatic", "vonmises")
@@ -91,37 +92,29 @@ class Comparison:
 
     def print(self, console) -> None:
         """The table, one block a section."""
+        from rich import box
         from rich.table import Table
 
-        console.print(self.title, soft_wrap=True)
+        tell(console, [self.title])
         for section in dict.fromkeys(r["section"] for r in self.rows):
             rows = [r for r in self.rows if r["section"] == section]
             columns = list(dict.fromkeys(k for r in rows for k in r if k not in ("section", "name")))
             console.print(f"\n{section}", style="bold", soft_wrap=True)
-            table = Table(box=_box(), pad_edge=False, padding=(0, 1, 0, 0))
+            table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
             table.add_column("")
             for c in columns:
                 table.add_column(_heading(c, self.units), justify="right")
             for r in rows:
                 table.add_row(r["name"], *(_cell(c, r.get(c)) for c in columns))
             console.print(table)
-        for note in self.notes:
-            console.print(f"note: {note}", soft_wrap=True)
+        tell(console, (), self.notes)
 
     def picture(self, path) -> Path:
         """Draw the comparison; returns the path."""
         from ..pictures.comparison import compare_figure
         from ..pictures.drawing import save
 
-        path = Path(path)
-        save(compare_figure(self), path)
-        return path
-
-
-def _box():
-    from rich import box
-
-    return box.SIMPLE_HEAD
+        return save(compare_figure(self), path)
 
 
 _HEADINGS = {
@@ -205,8 +198,7 @@ def compare(ds, *, frame=None, species=None, units=None) -> Comparison:
     from ..unit_words import in_units
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
-    ds = of_species(load(ds), species)
-    ds = ds if units is None else in_units(ds, units)
+    ds = in_units(of_species(load(ds), species), units)
     hardy_name = next((n for n in STRESSES if n in ds), None)
     if hardy_name is None:
         raise AtcError(
@@ -222,14 +214,8 @@ def compare(ds, *, frame=None, species=None, units=None) -> Comparison:
     place = points_of_grid(ds, ds[hardy_name])
     entries, when = _entries(ds, frame)
     title = ", ".join(t for t in (Path(name).name, kernel_title(ds, str), when) if t)
-    out = Comparison(
-        [],
-        xr.Dataset(),
-        ds[hardy_name].attrs.get("units", ""),
-        title,
-        place=place,
-        dimension=int(ds.attrs.get("dimension", 3)),
-    )
+    units, dimension = ds[hardy_name].attrs.get("units", ""), int(ds.attrs.get("dimension", 3))
+    out = Comparison([], xr.Dataset(), units, title, place=place, dimension=dimension)
     for k in ("kernel", "radius", "radius_units", "method", "tolerance", "measured_error"):
         if k in ds.attrs:
             v = ds.attrs[k]
@@ -246,23 +232,17 @@ def compare(ds, *, frame=None, species=None, units=None) -> Comparison:
     return out
 
 
-_NEEDED = (
-    "stress",
-    "stress_potential",
-    "virial_stress",
-    "virial_stress_potential",
-    "smoothed_virial_stress",
-    "smoothed_virial_stress_potential",
-)
+_NEEDED = [kind + stress for kind in ("", "virial_", "smoothed_virial_") for stress in STRESSES]
 
 
 def _entries(ds, frame):
     """Which entries are averaged, and what to call that."""
+    from ..pictures.drawing import require_frame
+
     n = ds.sizes.get("frame", 1)
     averaged = "frames_averaged" in ds
     if frame is not None:
-        if not -n <= frame < n:
-            raise AtcError(f"frame {frame}: the output has {n} frame{'s' * (n != 1)}, numbered 0 to {n - 1}")
+        require_frame(ds, frame)
         return [frame % n], f"entry {frame % n}" if averaged else f"frame {frame % n}"
     if averaged:
         return list(range(n)), f"average of {int(ds['frames_averaged'].sum())} frames"
@@ -326,14 +306,8 @@ def _box_averages(out, ds, boxes, place, single):
             error, label = (e.isel(frame=single) if "frame" in e.dims else e).values, "stderr_virial"
         for c in _shown(out.dimension):
             a, b = float(component(h, c, out.dimension)), float(component(v, c, out.dimension))
-            row = {
-                "section": section,
-                "name": c,
-                "hardy": a,
-                "virial": b,
-                "difference": a - b,
-                "relative": abs(a - b) / size,
-            }
+            row = {"section": section, "name": c, "hardy": a, "virial": b, "difference": a - b}
+            row["relative"] = abs(a - b) / size
             if error is not None and c in SIX:
                 e = float(component(error, c))
                 row[label] = e if np.isfinite(e) else None
@@ -408,11 +382,8 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale, column=None):
         out.attrs["column"] = column[0]
         out.data["column"] = (dims, column[1], {"units": out.units, "long_name": f"smoothed {column[0]}"})
         _of_column(out, column, h, v, scale)
-    out.data["difference"] = (
-        dims,
-        h - v,
-        {"units": out.units, "long_name": "Hardy's stress minus the smoothed per-atom virial"},
-    )
+    what = {"units": out.units, "long_name": "Hardy's stress minus the smoothed per-atom virial"}
+    out.data["difference"] = (dims, h - v, what)
     error = None
     if single is not None and f"{hardy_name}_stderr" in ds:
         error = ds[f"{hardy_name}_stderr"]
@@ -422,15 +393,7 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale, column=None):
         good = np.isfinite(d)
         if not good.any():
             continue
-        rms, largest = float(np.sqrt((d[good] ** 2).mean())), float(np.abs(d[good]).max())
-        row = {
-            "section": POINTWISE,
-            "name": c,
-            "rms": rms,
-            "max": largest,
-            "relative rms": rms / scale,
-            "relative max": largest / scale,
-        }
+        row = {"section": POINTWISE, "name": c, **sizes(d[good], scale)}
         if error is not None and c in SIX:
             e = component(error, c)
             ok = good & (e > 0)
@@ -438,6 +401,12 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale, column=None):
                 row["rms in std. errors"] = float(np.sqrt(((d[ok] / e[ok]) ** 2).mean()))
         out.rows.append(row)
     _profiles(out, h, v, place, scale, None if column is None else column[1])
+
+
+def sizes(d, scale, rms=None) -> dict:
+    """Columns of a table: rms and largest value of differences d, and both relative to `scale`."""
+    rms, largest = float(np.sqrt((d**2).mean())) if rms is None else rms, float(np.abs(d).max())
+    return {"rms": rms, "max": largest, "relative rms": rms / scale, "relative max": largest / scale}
 
 
 def _of_column(out, column, hardy, virial, scale) -> None:
@@ -450,9 +419,7 @@ def _of_column(out, column, hardy, virial, scale) -> None:
             d = component(tensor, c, out.dimension) - component(other, c, out.dimension)
             good = np.isfinite(d)
             if good.any():
-                rms, largest = float(np.sqrt((d[good] ** 2).mean())), float(np.abs(d[good]).max())
-                row = {"section": title, "name": c, "rms": rms, "max": largest}
-                out.rows.append({**row, "relative rms": rms / scale, "relative max": largest / scale})
+                out.rows.append({"section": title, "name": c, **sizes(d[good], scale)})
     good = np.isfinite(virial)
     a, b = tensor[good], virial[good]
     if a.size and float(a @ b) < -0.5 * float(np.linalg.norm(a) * np.linalg.norm(b)):
@@ -483,9 +450,7 @@ def _profiles(out, hardy, virial, place, scale, column=None):
         for c in ("hydrostatic", "vonmises", "any component"):
             d = a - b if c == "any component" else component(a, c, out.dimension) - component(b, c, out.dimension)
             rms = float(np.sqrt((d * d).reshape(len(d), -1).mean(axis=0).max()))
-            largest = float(np.abs(d).max())
-            row = {"section": PROFILES, "name": f"along {dim}: {c}", "rms": rms, "max": largest}
-            out.rows.append({**row, "relative rms": rms / scale, "relative max": largest / scale})
+            out.rows.append({"section": PROFILES, "name": f"along {dim}: {c}", **sizes(d, scale, rms)})
 
 
 def _accuracy(out, ds):
@@ -522,25 +487,16 @@ def compare_radii(scene, radii, *, jobs: int = 1, progress=None) -> Comparison:
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     size = "width" if scene.get("kernel", "width") is not None and scene.get("kernel", "radius") is None else "radius"
     asked = scene.get("fields", "quantities") or []
-    stress = (
-        "stress_potential"
-        if asked
-        and not any(q in ("stress", "virial_stress", "smoothed_virial_stress", "stress_kinetic") for q in asked)
-        else "stress"
-    )
-    part = stress.removeprefix("stress")
-    quantities = [stress, "virial_stress" + part, "smoothed_virial_stress" + part]
+    whole = {"stress", "virial_stress", "smoothed_virial_stress", "stress_kinetic"}
+    part = "" if not asked or whole & {*asked} else "_potential"
+    quantities = [kind + part for kind in ("stress", "virial_stress", "smoothed_virial_stress")]
     results = []
     for radius in radii:
         one = Scene.load(scene, {f"kernel.{size}": float(radius), "fields.quantities": quantities})
         results.append(compare(one.run(None, jobs=jobs, progress=progress)))
     labels = [f"{radius:g}" for radius in radii]
-    out = side_by_side(
-        results,
-        labels=labels,
-        section=f"by kernel {size}, {_RELATIVE}",
-        coordinate=("radius", np.asarray(radii, float)),
-    )
+    section = f"by kernel {size}, {_RELATIVE}"
+    out = side_by_side(results, labels, section, coordinate=("radius", np.asarray(radii, float)))
     out.title = f"{Path(scene.name).name}, {scene.get('kernel', 'name')} kernel, {len(labels)} values of its {size}"
     return out
 
@@ -567,12 +523,8 @@ def side_by_side(
                 row[f"{column}, {c}"] = _try(r, POINTWISE, c, column)
         worst = [_try(r, POINTWISE, c, "relative max") for c in SIX]
         row["relative max, any component"] = max((w for w in worst if w is not None), default=None)
-        boxes = [
-            next(
-                (x for x in (_try(r, s, c, "relative") for s in (box + ", potential part", box)) if x is not None), None
-            )
-            for c in SIX
-        ]
+        boxes = [_try(r, f"{box}, potential part", c, "relative") for c in SIX]
+        boxes = [_try(r, box, c, "relative") if b is None else b for b, c in zip(boxes, SIX)]
         row["relative box average"] = max((b for b in boxes if b is not None), default=None)
         out.rows.append(row)
         out.notes += [n for n in r.notes if n not in out.notes]

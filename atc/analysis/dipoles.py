@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..estimators.tensors import quotient
+from .green_kubo import connected
 from .profile_table import Column
 
 #: A molecule whose charge is less than this share of its absolute charges is neutral.
@@ -25,12 +26,7 @@ def labels_of(frame) -> np.ndarray | None:
     bonds = getattr(frame.topology, "bonds", None)
     if bonds is None or not len(bonds):
         return None
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    n, pairs = len(frame), np.asarray(bonds)
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, -2], pairs[:, -1])), shape=(n, n))
-    return 1 + connected_components(graph, directed=False)[1]
+    return 1 + connected(len(frame), bonds)[1]
 
 
 def dipoles_of(frame, axis: int):

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..terminal import tell
 from ..units import Units, units
 
 # A mean current of more than so many standard errors is no fluctuation: one in 16000, were the error known exactly.
@@ -194,6 +195,16 @@ class Paths:
         ]
 
 
+def connected(n: int, bonds) -> tuple[int, np.ndarray]:
+    """How many molecules bonds (b, 2 or more; the last two are the atoms) make of n atoms, and (n,) the number of each
+    atom's."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    i, j = np.asarray(bonds)[:, -2:].T
+    return connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)), directed=False)
+
+
 def species(frame) -> tuple[np.ndarray, list[str]]:
     """(n,) number of each atom's species and their names: types of atoms, or kinds of molecules where bonds say which
     atoms belong together."""
@@ -204,12 +215,7 @@ def species(frame) -> tuple[np.ndarray, list[str]]:
     top = frame.topology
     if top is None or not len(top.bonds):
         return kinds, labels
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    n = len(frame)
-    i, j = top.bonds.T
-    count, molecule = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)), directed=False)
+    count, molecule = connected(len(frame), top.bonds)
     content = np.zeros((count, len(values)), np.int64)
     np.add.at(content, (molecule, kinds), 1)
     unique, which = np.unique(content, axis=0, return_inverse=True)
@@ -282,39 +288,23 @@ class Conductivity:
         out = [("conductivity", f"{_pm(self.value, self.stderr)} {self.units}")]
         if self.si is not None and self.units != self.si_units:
             out.append(("", f"{_pm(self.si, self.si_stderr)} {self.si_units}"))
-        out.append(
-            ("by direction", ", ".join(f"{c} {_pm(*pair)}" for c, pair in self.components.items()) + f" {self.units}")
-        )
+        each = ", ".join(f"{c} {_pm(*pair)}" for c, pair in self.components.items())
+        out.append(("by direction", f"{each} {self.units}"))
         if np.isfinite(self.cepstral):
             text = f"{_pm(self.cepstral, self.cepstral_stderr)} {self.units}"
             if self.cepstral_si is not None and self.units != self.si_units:
                 text += f" = {_pm(self.cepstral_si, self.cepstral_si_stderr)} {self.si_units}"
             out.append(("cepstral", f"{text} ({self.cepstral_coefficients} coefficients)"))
-        out.append(
-            (
-                "plateau",
-                f"{self.plateau[0]:.4g} to {self.plateau[1]:.4g} {t}"
-                + ("" if self.converged else " (the integral still changes)"),
-            )
-        )
+        still = "" if self.converged else " (the integral still changes)"
         atoms = f"{self.atoms} atoms, " if self.atoms else ""
         state = f"{self.temperature:.5g} {self.temperature_units}, {self.volume:.6g} {self.volume_units}"
-        out.append(
-            (
-                "from",
-                f"{atoms}{state}; {self.samples} currents, {self.dt:.4g} {t} apart, in {self.segments} independent "
-                "segments",
-            )
-        )
-        return out
+        currents = f"{self.samples} currents, {self.dt:.4g} {t} apart, in {self.segments} independent segments"
+        out.append(("plateau", f"{self.plateau[0]:.4g} to {self.plateau[1]:.4g} {t}{still}"))
+        return [*out, ("from", f"{atoms}{state}; {currents}")]
 
     def print(self, console) -> None:
         """The numbers, and what to know about them."""
-        console.print(self.source, soft_wrap=True)
-        for key, text in self.rows():
-            console.print(f"  {key:<12}  {text}", soft_wrap=True)
-        for note in self.notes:
-            console.print(f"note: {note}", soft_wrap=True)
+        tell(console, [self.source, *(f"  {key:<12}  {text}" for key, text in self.rows())], self.notes)
 
     def json(self) -> str:
         """Everything as JSON, numbers unrounded."""
@@ -326,9 +316,7 @@ class Conductivity:
         """Draw the correlation function and its integral; returns the path."""
         from ..pictures.drawing import save
 
-        path = Path(path)
-        save(self.figure(), path)
-        return path
+        return save(self.figure(), path)
 
     def figure(self):
         """A matplotlib Figure: autocorrelation above, running integral with the plateau below, bands of one standard

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..readers.plausible import doubts, stress_error
+from ..terminal import tell
 
 _WORTH_A_WARNING = 1e-3
 
@@ -35,12 +36,8 @@ class Report:
         return json.dumps(self.data | {"notes": self.notes}, indent=2, default=str)
 
     def print(self, console) -> None:
-        console.print(self.title, soft_wrap=True)
         width = max(len(k) for k, _ in self.rows)
-        for key, text in self.rows:
-            console.print(f"  {key:<{width}}  {text}", soft_wrap=True)
-        for note in self.notes:
-            console.print(f"note: {note}", soft_wrap=True)
+        tell(console, [self.title, *(f"  {key:<{width}}  {text}" for key, text in self.rows)], self.notes)
 
 
 def _g(v) -> str:
@@ -84,11 +81,8 @@ def _describe(trajectory, source) -> Report:
         raise AtcError(f"{source}: holds no complete frame")
     first = trajectory[0]
     u = trajectory.units
-    rows, notes = [], []
-
-    rows.append(
-        ("units", f"{u.name} (length {u.label('length')}, time {u.label('time')}, stress {u.label('pressure')})")
-    )
+    labels = f"length {u.label('length')}, time {u.label('time')}, stress {u.label('pressure')}"
+    rows, notes = [("units", f"{u.name} ({labels})")], []
     text = str(data["frames"])
     for name, unit in (("time", " " + u.label("time")), ("step", "")):
         if data[name] is not None:
@@ -99,13 +93,8 @@ def _describe(trajectory, source) -> Report:
     a, b = data["atoms"]
     rows.append(("atoms", str(a) if a == b else f"{a} in the first frame, {b} in the last"))
     for kind, what in data["types"].items():
-        mass = (
-            "no mass"
-            if what["mass"] is None
-            else "various masses"
-            if what["mass"] == "various"
-            else f"mass {_g(what['mass'])} {u.label('mass')}"
-        )
+        mass = {None: "no mass", "various": "various masses"}.get(what["mass"])
+        mass = mass or f"mass {_g(what['mass'])} {u.label('mass')}"
         rows.append((f"type {kind}" + (f" ({what['name']})" if what["name"] else ""), f"{what['count']} atoms, {mass}"))
     rows.append(("cell", _cell(data["cell"], u)))
     if u.dimension == 2:
@@ -205,12 +194,8 @@ def describe_output(path) -> Report:
     if why:
         raise Damaged(why)
     with load(path) as ds:
-        rows = [
-            (
-                "made by",
-                f"atc {ds.attrs['atc_version']}" + (f" from {ds.attrs['sources']}" if ds.attrs.get("sources") else ""),
-            )
-        ]
+        of = f" from {ds.attrs['sources']}" if ds.attrs.get("sources") else ""
+        rows = [("made by", f"atc {ds.attrs['atc_version']}{of}")]
         rows += [
             (key, str(ds.attrs[key]))
             for key in ("units", "grid", "kernel", "method", "tolerance", "refinements")
@@ -228,10 +213,8 @@ def describe_output(path) -> Report:
             more += ", with standard error" * (f"{name}_stderr" in ds)
             text = f"{attrs.get('long_name', '')} [{attrs.get('units', '')}] over {', '.join(da.dims)}{more}"
             rows.append((name, text))
-            fields[name] = {
-                "dims": list(da.dims),
-                **{k: v.item() if hasattr(v, "item") else v for k, v in attrs.items()},
-            }
+            plain = {k: v.item() if hasattr(v, "item") else v for k, v in attrs.items()}
+            fields[name] = {"dims": list(da.dims), **plain}
         data = {"attributes": {k: str(v) for k, v in ds.attrs.items()}, "sizes": dict(ds.sizes), "fields": fields}
         notes = [
             "atc plot draws it, atc compare sets it beside the virial stress, atc export writes VTK and extended XYZ"

@@ -6,6 +6,7 @@ The page holds everything it shows: no file, script or address is loaded with it
 
 from __future__ import annotations
 
+import contextlib
 from html import escape
 from pathlib import Path
 
@@ -29,12 +30,9 @@ PICTURES = (
 )
 #: More pictures of other fields than these say little more.
 _MOST = 8
+_WHERE = "random points and around the strongest bonds"
 _ERRORS = (
-    (
-        "error_max",
-        "largest found",
-        "by the exact method at random points and around the strongest bonds, over the largest value",
-    ),
+    ("error_max", "largest found", f"by the exact method at {_WHERE}, over the largest value"),
     ("error_l2", "rms found", "at the same points, over the rms of the field"),
     ("error_expected", "expected anywhere", "at the worst of all points, by those found"),
     ("input_error", "input", "how far the field moves when atoms move by what the digits of the file hide"),
@@ -75,7 +73,7 @@ def report(out, target=None, *, species=None, units=None, warned=(), title=None)
     ds = load(out)
     if not {"quantities", "twin"} & {*ds.attrs}:
         raise AtcError(f"{name}: is no output of atc fields or atc twin: there is no report of it")
-    ds = ds if units is None else in_units(ds, units)
+    ds = in_units(ds, units)
     if "twin" in ds.attrs:
         from .twin_page import twin_page
 
@@ -160,9 +158,8 @@ def _facts(ds) -> str:
         unit = unit_text(str(ds["time"].attrs.get("units", "")))
         frames += f", from {t[0]:.5g} {unit}" if n == 1 else f", {t[0]:.5g} to {t[-1]:.5g} {unit}"
     rows.insert(1, ("frames", frames))
-    rows.insert(
-        2, ("units", f"{a.get('units', '')}" + (f"; shown in {a['output_units']}" if a.get("output_units") else ""))
-    )
+    shown = f"; shown in {a['output_units']}" if a.get("output_units") else ""
+    rows.insert(2, ("units", f"{a.get('units', '')}{shown}"))
     return facts(rows)
 
 
@@ -241,8 +238,6 @@ def _pictures(ds) -> list[str]:
 
 def _profile(ds) -> list[str]:
     """Means over the cross-sections along the longest axis of a grid, of the first stress and the density."""
-    from matplotlib.figure import Figure
-
     from ..pictures.components import component
     from ..pictures.drawing import figure, label_of
     from ..pictures.geometry import fields_of, points_of_grid
@@ -259,24 +254,23 @@ def _profile(ds) -> list[str]:
     k = int(np.argmax(lengths))
     others = [d for d in place.dims if d != place.dims[k]]
     shown = [n for n in (name, "density", "number_density", "temperature") if n in names][:3]
-    fig, axs = figure(Figure, len(shown), 4.2, 3.0)
+    fig, axs = figure(len(shown), 4.2, 3.0)
     s, text = place.abscissa(k)
-    for ax, n in zip(axs.flat, shown):
+    for ax, n in zip(axs, shown):
         da = ds[n].mean("frame", skipna=True) if "frame" in ds[n].dims else ds[n]
         tensor = "j" in da.dims
         # Empty space counts as empty in a stress or density, but has no temperature.
         mean = da.mean(others, skipna=True) if n == "temperature" else da.fillna(0.0).mean(others)
         mean = mean.transpose(place.dims[k], ...).values
         for c in ("xx", "yy", "zz") if tensor else (None,):
-            ax.plot(s, mean if c is None else component(mean, c), label=None if c is None else symbol(n, c) or c)
+            ax.plot(s, component(mean, c), label=None if c is None else symbol(n, c) or c)
         ax.set_xlabel(text)
-        ax.set_ylabel(label_of(ds[n], None, ds[n].attrs.get("units", "")))
+        ax.set_ylabel(label_of(ds[n], None))
         ax.spines[["top", "right"]].set_visible(False)
         if tensor:
             ax.legend()
-    return [
-        figure_of(fig, f"Profiles along {place.dims[k]}: means over the cross-section, empty space counted as empty")
-    ]
+    words = f"Profiles along {place.dims[k]}: means over the cross-section, empty space counted as empty"
+    return [figure_of(fig, words)]
 
 
 def _compared(ds) -> list[str]:
@@ -289,12 +283,9 @@ def _compared(ds) -> list[str]:
     except AtcError:
         return []
     out = ["<h2>Hardy against virial</h2>"]
-    try:
-        out.append(
-            figure_of(compare_figure(found), "Hardy's stress, the virial stress, and their difference in one scale")
-        )
-    except AtcError:
-        pass
+    with contextlib.suppress(AtcError):
+        words = "Hardy's stress, the virial stress, and their difference in one scale"
+        out.append(figure_of(compare_figure(found), words))
     for section in dict.fromkeys(r["section"] for r in found.rows):
         if section == ACCURACY:
             continue

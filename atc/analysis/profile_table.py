@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..terminal import tell
 from .green_kubo import _pm
 
 #: Rows of the table on the terminal; the files have all bins.
@@ -100,10 +101,9 @@ class Profile:
         from rich import box
         from rich.table import Table
 
-        console.print(f"{self.source}: {self.frames} frame{'s' * (self.frames != 1)}", soft_wrap=True)
         width = max((len(v.label) for v in self.numbers.values()), default=0)
-        for v in self.numbers.values():
-            console.print(f"  {v.label:<{width}}  {v}", soft_wrap=True)
+        numbers = [f"  {v.label:<{width}}  {v}" for v in self.numbers.values()]
+        tell(console, [f"{self.source}: {self.frames} frame{'s' * (self.frames != 1)}", *numbers])
         every = -(-len(self.z) // _ROWS)
         parts: dict[str, list[Column]] = {}
         for c in self.columns.values():
@@ -116,14 +116,8 @@ class Profile:
             for k in range(0, len(self.z), every):
                 table.add_row(f"{self.z[k]:.4g}", *(_pm(c.values[k], c.stderr[k]) for c in columns))
             console.print(table)
-        if every > 1:
-            console.print(
-                f"every {every}th of {len(self.z)} bins; all of them with --csv, --json or -o", soft_wrap=True
-            )
-        for warning in self.warnings:
-            console.print(f"warning: {warning}", soft_wrap=True)
-        for note in self.notes:
-            console.print(f"note: {note}", soft_wrap=True)
+        said = [f"every {every}th of {len(self.z)} bins; all of them with --csv, --json or -o"] if every > 1 else []
+        tell(console, said + [f"warning: {warning}" for warning in self.warnings], self.notes)
 
     def csv(self) -> str:
         """The profiles: z, and value and standard error of each; units in the first line."""
@@ -189,25 +183,22 @@ class Profile:
         """Draw the profiles; returns the path."""
         from ..pictures.drawing import save
 
-        path = Path(path)
-        save(self.figure(), path)
-        return path
+        return save(self.figure(), path)
 
     def figure(self):
         """A matplotlib Figure: a panel for each kind of profile, bands of one standard error."""
         import matplotlib as mpl
-        from matplotlib.figure import Figure
 
         from ..pictures.drawing import STYLE, figure, titled
-        from ..pictures.geometry import unit_text
+        from ..pictures.geometry import unit_text, with_unit
 
         groups: dict[tuple[str, str], list[Column]] = {}
         for c in self.columns.values():
             groups.setdefault((c.group, c.units), []).append(c)
         tension = self.numbers.get("surface_tension_si") or self.numbers.get("surface_tension")
         with mpl.rc_context(STYLE):
-            fig, panels = figure(Figure, len(groups), 5.2, 2.3, columns=1 if len(groups) < 4 else 2)
-            for axes, ((group, units), columns) in zip(panels.flat, groups.items()):
+            fig, panels = figure(len(groups), 5.2, 2.3, columns=1 if len(groups) < 4 else 2)
+            for axes, ((group, units), columns) in zip(panels, groups.items()):
                 for k, c in enumerate(columns):
                     axes.fill_between(
                         self.z, c.values - c.stderr, c.values + c.stderr, alpha=0.3, linewidth=0, color=f"C{k}"
@@ -216,13 +207,11 @@ class Profile:
                 axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
                 unit = unit_text(units)
                 axes.set_ylabel(f"{_raised(group)}\n({unit})" if unit else _raised(group))
-                axes.set_xlabel(f"{self.axis} ({unit_text(self.length_units)})")
+                axes.set_xlabel(with_unit(self.axis, self.length_units))
                 axes.set_xlim(self.z.min(), self.z.max())
                 axes.spines[["top", "right"]].set_visible(False)
                 if len(columns) > 1:
                     axes.legend()
-            for axes in list(panels.flat)[len(groups) :]:
-                axes.remove()
             titled(fig, f"surface tension {tension}" if tension else self.source)
         return fig
 

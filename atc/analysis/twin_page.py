@@ -76,15 +76,9 @@ def _short(ds) -> str:
         md, pd = (ds[f"{s}_box_stress"].values[:, k, k] for s in ("md", "pd"))
         size = max(np.abs(ds["md_box_stress"].values.mean(0)).max(), 1e-300)
         error = md.std(ddof=1) / len(md) ** 0.5 if len(md) > 1 else np.nan
-        rows.append(
-            [
-                f"mean stress of the box, {c}{c} ({_unit(ds, 'md_box_stress')})",
-                f"{md.mean():.5g}",
-                f"{pd.mean():.5g}",
-                f"{100 * (pd.mean() - md.mean()) / size:+.2g} % of the largest",
-                f"{error:.2g}",
-            ]
-        )
+        what = f"mean stress of the box, {c}{c} ({_unit(ds, 'md_box_stress')})"
+        off = f"{100 * (pd.mean() - md.mean()) / size:+.2g} % of the largest"
+        rows.append([what, f"{md.mean():.5g}", f"{pd.mean():.5g}", off, f"{error:.2g}"])
     for name, what in (
         ("damage_of_body", "bonds lost at the end, share"),
         ("crack_tip", "crack's tip at the end"),
@@ -96,10 +90,8 @@ def _short(ds) -> str:
             rows.append([what + (f" ({unit})" if unit else ""), f"{md:.4g}", f"{pd:.4g}", "", ""])
     if "pd_dissipated_energy" in ds:
         unit = _unit(ds, "pd_dissipated_energy")
-        rows.append(
-            [f"energy that went with broken bonds ({unit})", "", f"{float(ds['pd_dissipated_energy'][-1]):.4g}"]
-        )
-        rows[-1] += ["", ""]
+        lost = f"{float(ds['pd_dissipated_energy'][-1]):.4g}"
+        rows.append([f"energy that went with broken bonds ({unit})", "", lost, "", ""])
     return table(rows, ["", "MD", "PD", "PD - MD", "MD's standard error"], numbers=(1, 2, 3, 4))
 
 

@@ -16,8 +16,7 @@ def simulation(case, threads: int = 0, state=None):
 
     body = make_body(case)
     _require_bonds(case, body)
-    materials = {}
-    names = {}
+    materials, names = {}, {}
     from . import crystals
     from .materials import made, models, sampled_well
 
@@ -49,30 +48,15 @@ def simulation(case, threads: int = 0, state=None):
     for k, r in enumerate(no_fail):
         _require_nodes(case, body, r, ("damage", "no_fail"), f"its region number {k + 1}")
 
-    contact = None
-    if "contact" in case.data:
-        contact = pd.Contact(**case.data["contact"])
-    indenters = [
-        pd.Indenter(
-            t["radius"],
-            t["stiffness"],
-            history(case, ("indenter", str(k), "center"), t["center"]),
-            t.get("velocity"),
-            t.get("axis"),
-            t.get("friction", 0.0),
-        )
-        for k, t in enumerate(case.data.get("indenter", []))
-    ]
-    walls = [
-        pd.Wall(
-            history(case, ("wall", str(k), "point"), t["point"]),
-            t["normal"],
-            t["stiffness"],
-            t.get("velocity"),
-            t.get("friction", 0.0),
-        )
-        for k, t in enumerate(case.data.get("wall", []))
-    ]
+    contact = pd.Contact(**case.data["contact"]) if "contact" in case.data else None
+    indenters, walls = [], []
+    for k, t in enumerate(case.data.get("indenter", [])):
+        path = history(case, ("indenter", str(k), "center"), t["center"])
+        further = t.get("velocity"), t.get("axis"), t.get("friction", 0.0)
+        indenters.append(pd.Indenter(t["radius"], t["stiffness"], path, *further))
+    for k, t in enumerate(case.data.get("wall", [])):
+        path = history(case, ("wall", str(k), "point"), t["point"])
+        walls.append(pd.Wall(path, t["normal"], t["stiffness"], t.get("velocity"), t.get("friction", 0.0)))
     conditions = []
     for section, make, words in (
         ("prescribed", pd.Prescribed, ("velocity", "displacement", "until")),
@@ -82,9 +66,8 @@ def simulation(case, threads: int = 0, state=None):
             region = region_of(case, t.get("region"))
             _require_nodes(case, body, region, (section, str(k), "region"))
             X = body.X_nc[body.nodes(region)]
-            conditions.append(
-                make(region, **{w: history(case, (section, str(k), w), t[w], X) for w in words if w in t})
-            )
+            given = {w: history(case, (section, str(k), w), t[w], X) for w in words if w in t}
+            conditions.append(make(region, **given))
     options = {}
     if "strain" in case.data["body"]:
         options["strain"] = case.data["body"]["strain"]
@@ -108,10 +91,9 @@ def simulation(case, threads: int = 0, state=None):
                     nodes = body.nodes(region)
                     value = history(case, ("initial", str(k), word), t[word], body.X_nc[nodes])
                     start[word][nodes] = value(0.0) if callable(value) else value
-        if any("velocity" in t for t in case.data.get("initial", [])):
-            options["velocities"] = start["velocity"]
-        if any("displacement" in t for t in case.data.get("initial", [])):
-            options["displacements"] = start["displacement"]
+        for word, option in (("velocity", "velocities"), ("displacement", "displacements")):
+            if any(word in t for t in case.data.get("initial", [])):
+                options[option] = start[word]
     run = case.data["run"]
     in_motion = run.get("solver", "verlet") == "verlet"
     for key in ("dt", "safety", "damping", "lammps_compat"):
@@ -150,19 +132,11 @@ def make_body(case):
     b = case.data["body"]
     notches = []
     for t in case.data.get("notch", []):
-        more = {"as_damage": t.get("as_damage", False)}
-        notches.append(
-            pd.Notch.line(t["start"], t["end"], **more)
-            if "start" in t
-            else pd.Notch(t["origin"], t["a"], t["b"], **more)
-        )
+        make, words = (pd.Notch.line, ("start", "end")) if "start" in t else (pd.Notch, ("origin", "a", "b"))
+        notches.append(make(*(t[w] for w in words), as_damage=t.get("as_damage", False)))
+    cell = Cell(b["cell"], b.get("origin", (0.0, 0.0, 0.0)), b["periodic"]) if "cell" in b else None
     options = {k: b[k] for k in ("dimension", "plane", "thickness") if k in b}
-    options["notches"] = notches
-    cell = None
-    if "cell" in b:
-        cell = Cell(b["cell"], b.get("origin", (0.0, 0.0, 0.0)), b["periodic"])
-    options["cell"] = cell
-    options["unbonded"] = case_damage.unbonded(case)
+    options |= {"notches": notches, "cell": cell, "unbonded": case_damage.unbonded(case)}
     try:
         if "region" in b:
             region = region_of(case, b["region"])
@@ -281,14 +255,12 @@ class _Law:
                 self.parts.append(np.nan if c == "free" else float(c))
 
     def __call__(self, t):
-        values = [
-            p.finite(self.complain, t=t, **self.place)
-            if callable(p)
-            else np.interp(t, *p)
-            if isinstance(p, tuple)
-            else p
-            for p in self.parts
-        ]
+        def at(p):
+            if callable(p):
+                return p.finite(self.complain, t=t, **self.place)
+            return np.interp(t, *p) if isinstance(p, tuple) else p
+
+        values = [at(p) for p in self.parts]
         return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 

@@ -100,16 +100,20 @@ class Case(Document):
         """An error at a key: `path` = (section, key) or (section, number, key)."""
         return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
 
+    def _refuse(self, path, table, keys, why) -> None:
+        """Raise if a table has one of some keys, which do not go with what it says."""
+        for key in keys:
+            if key in table:
+                raise self.bad((*path, key), why)
+
     def _check(self):
         for name in self.data.get("regions", {}):
             self._check_key(TABLES["body"]["region"], self.data["regions"], name, ("regions", name))
         for section, table in self.data.items():
             if section == "regions":
                 continue
-            tables = (
-                [((section, str(k)), t) for k, t in enumerate(table)] if section in ARRAYS else [((section,), table)]
-            )
-            for path, t in tables:
+            one = [((section,), table)]
+            for path, t in [((section, str(k)), t) for k, t in enumerate(table)] if section in ARRAYS else one:
                 known = self._keys(path, t)
                 for key in list(t):
                     if key not in known:
@@ -156,29 +160,20 @@ class Case(Document):
         if "region" in body:
             if "spacing" not in body:
                 raise self.need("body", "[body] needs spacing, the distance between the nodes of its lattice")
-            for key in ("volume",):
-                if key in body:
-                    raise self.bad(
-                        ("body", key),
-                        "belongs to nodes from a file; those of a lattice have spacing^3 (spacing^2 thickness in two "
-                        "dimensions)",
-                    )
+            why = "belongs to nodes from a file; those of a lattice have spacing^3 "
+            why += "(spacing^2 thickness in two dimensions)"
+            self._refuse(("body",), body, ["volume"], why)
         else:
-            for key in ("offset", "jitter", "seed", "cut"):
-                if key in body:
-                    raise self.bad(("body", key), "belongs to a lattice (region and spacing), not to nodes from a file")
+            why = "belongs to a lattice (region and spacing), not to nodes from a file"
+            self._refuse(("body",), body, ("offset", "jitter", "seed", "cut"), why)
             path = self.path("body", "file")
             if not path.is_file():
                 raise self.bad(("body", "file"), f"there is no file {path}")
         if body.get("dimension", 3) == 3:
-            for key in ("plane", "thickness"):
-                if key in body:
-                    raise self.bad(
-                        ("body", key),
-                        "belongs to a body of dimension 2 (plane, thickness) or 1 (thickness: its cross-section)",
-                    )
-        elif body["dimension"] == 1 and "plane" in body:
-            raise self.bad(("body", "plane"), "belongs to a body of dimension 2")
+            why = "belongs to a body of dimension 2 (plane, thickness) or 1 (thickness: its cross-section)"
+            self._refuse(("body",), body, ("plane", "thickness"), why)
+        elif body["dimension"] == 1:
+            self._refuse(("body",), body, ["plane"], "belongs to a body of dimension 2")
         if "periodic" in body and any(body["periodic"]) and "cell" not in body:
             raise self.bad(("body", "periodic"), "a periodic body needs cell, three lengths or edge vectors")
         if "cell" in body and "periodic" not in body:
@@ -213,14 +208,12 @@ class Case(Document):
                     f"{'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}"
                 )
 
+        needed = {"indenter": ("radius", "stiffness", "center"), "wall": ("point", "normal", "stiffness")}
         for section in ARRAYS:
             for k, t in enumerate(self.data.get(section, [])):
                 path = (section, str(k))
                 if section == "notch":
-                    line = {"start", "end"} <= set(t)
-                    if line == ({"origin", "a", "b"} <= set(t)) or set(t) - (
-                        {"start", "end"} if line else {"origin", "a", "b"}
-                    ) - {"as_damage"}:
+                    if set(t) - {"as_damage"} not in ({"start", "end"}, {"origin", "a", "b"}):
                         raise AtcError(
                             f"{self.where(*path)}: [notch] needs start and end (a line in the plate), or origin, a "
                             "and b (a parallelogram)"
@@ -229,18 +222,13 @@ class Case(Document):
                     one_of(path, t, "velocity", "displacement")
                 elif section == "body_force":
                     one_of(path, t, "density", "total")
-                else:
-                    for key in {
-                        "indenter": ("radius", "stiffness", "center"),
-                        "wall": ("point", "normal", "stiffness"),
-                    }.get(section, ()):
+                elif section in needed:
+                    for key in needed[section]:
                         one_of(path, t, key)
                     where = "center" if section == "indenter" else "point"
-                    moving = isinstance(t.get(where), dict) or any(isinstance(c, (str, dict)) for c in t.get(where, ()))
-                    if section in ("indenter", "wall") and "velocity" in t and moving:
-                        raise self.bad(
-                            (*path, "velocity"), f"{where} is a function of time already: give one of the two"
-                        )
+                    if isinstance(t[where], dict) or any(isinstance(c, (str, dict)) for c in t[where]):
+                        why = f"{where} is a function of time already: give one of the two"
+                        self._refuse(path, t, ["velocity"], why)
         numbers = [m.get("id", k + 1) for k, m in enumerate(self.data["material"])]
         if len(set(numbers)) < len(numbers):
             raise self.need("material", f"two materials have the same number: {numbers}")
@@ -251,24 +239,18 @@ class Case(Document):
         run = self.data.get("run", {})
         if "steps" not in run:
             raise self.need("run", "it needs steps, e.g. steps = 2000")
-        if "dt" in run and "safety" in run:
-            raise self.bad(("run", "safety"), "dt is given: give one of the two")
+        if "dt" in run:
+            self._refuse(("run",), run, ["safety"], "dt is given: give one of the two")
         if run.get("solver", "verlet") != "verlet":
-            for key in ("safety", "damping"):
-                if key in run:
-                    raise self.bad(
-                        ("run", key),
-                        f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step",
-                    )
+            why = f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step"
+            self._refuse(("run",), run, ("safety", "damping"), why)
             if breaking:
                 raise AtcError(
                     f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc '
                     'out, or take solver = "verlet" with damping'
                 )
         else:
-            for key in ("tolerance", "iterations"):
-                if key in run:
-                    raise self.bad(("run", key), 'belongs to solver = "relax" or "static"')
+            self._refuse(("run",), run, ("tolerance", "iterations"), 'belongs to solver = "relax" or "static"')
         output = self.data.get("output", {})
         from .run import QUANTITIES
 
@@ -318,11 +300,8 @@ class Case(Document):
                     self._check_region(r, path, inside)
         if isinstance(region, dict) and region.get("shape") == "set" and "file" not in self.data["body"]:
             raise self.bad(path, f"the set {region['name']!r} is one of a mesh: give [body] file, or another shape")
-        if (
-            isinstance(region, dict)
-            and region.get("shape") == "box"
-            and any(a > b for a, b in zip(region["lo"], region["hi"]))
-        ):
+        box = isinstance(region, dict) and region.get("shape") == "box"
+        if box and any(a > b for a, b in zip(region["lo"], region["hi"])):
             raise self.bad(path, f"a box needs lo <= hi, got {shown(region['lo'])} and {shown(region['hi'])}")
 
     # ---- what it means
@@ -395,12 +374,9 @@ def _overrides(overrides):
     """((section, key), value, flag) of each override."""
     if not overrides:
         return
-    given = (
-        [(k, v, k) for k, v in overrides.items()]
-        if isinstance(overrides, Mapping)
-        else [(t, None, f"--set {t}") for t in overrides]
-    )
-    for text, value, flag in given:
+    given = overrides.items() if isinstance(overrides, Mapping) else [(text, None) for text in overrides]
+    for text, value in given:
+        flag = text if isinstance(overrides, Mapping) else f"--set {text}"
         dotted = text
         if value is None:
             dotted, eq, word = text.partition("=")

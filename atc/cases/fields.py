@@ -64,11 +64,8 @@ class CaseFields:
 
         scene = self.scene
         frame, bonds = snapshot(sim)
-        given = {
-            k: scene.get("fields", k)
-            for k in ("quantities", "tolerance", "method", "horizon")
-            if scene.get("fields", k) is not None
-        }
+        given = {k: scene.get("fields", k) for k in ("quantities", "tolerance", "method", "horizon")}
+        given = {k: v for k, v in given.items() if v is not None}
         try:
             if scene.get("grid", "interval") == "frames":
                 raise AtcError('interval = "frames": the moments of a case are computed one by one: give a time')

@@ -8,15 +8,18 @@ from ..config.schema import SCHEMA as SCENE
 from .crystals import KEYS
 from .schema import ARRAYS, REGION_JSON, TABLES
 
-_DRAFT = "https://json-schema.org/draft/2020-12/schema"
+
+def _object(properties: dict) -> dict:
+    return {"type": "object", "properties": properties, "additionalProperties": False}
+
+
+def _document(title: str, description: str, sections: dict) -> dict:
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": draft, "title": title, "description": description, **_object(sections)}
 
 
 def _section(keys: dict) -> dict:
-    return {
-        "type": "object",
-        "properties": {k: {**json_of(key.check), "description": key.expected} for k, key in keys.items()},
-        "additionalProperties": False,
-    }
+    return _object({k: {**json_of(key.check), "description": key.expected} for k, key in keys.items()})
 
 
 def _known(section: dict, key: str, names) -> None:
@@ -44,14 +47,8 @@ def scene_schema() -> dict:
         {"if": {"properties": {"kind": {"const": kind}}}, "then": _grid_rule(needs, may)}
         for kind, (needs, may) in GRIDS.items()
     ]
-    return {
-        "$schema": _DRAFT,
-        "title": "atc scene",
-        "description": "What atc is to compute: a TOML file for atc plan, fields, check, profile, ...",
-        "type": "object",
-        "properties": sections,
-        "additionalProperties": False,
-    }
+    what = "What atc is to compute: a TOML file for atc plan, fields, check, profile, ..."
+    return _document("atc scene", what, sections)
 
 
 def _grid_rule(needs, may) -> dict:
@@ -74,12 +71,5 @@ def case_schema() -> dict:
             for constants in KEYS.values():
                 one["properties"] |= _section(constants)["properties"]
         sections[name] = {"anyOf": [one, {"type": "array", "items": one}]}
-    return {
-        "$schema": _DRAFT,
-        "title": "atc pd case",
-        "description": "A peridynamic body and what happens to it: a TOML file for atc pd",
-        "type": "object",
-        "properties": sections,
-        "additionalProperties": False,
-        "$defs": {"region": REGION_JSON},
-    }
+    what = "A peridynamic body and what happens to it: a TOML file for atc pd"
+    return {**_document("atc pd case", what, sections), "$defs": {"region": REGION_JSON}}

@@ -47,11 +47,8 @@ def models() -> dict:
     from ..pd import materials
     from ..pd.materials.base import Material
 
-    found = {}
-    for value in vars(materials).values():
-        if inspect.isclass(value) and issubclass(value, Material) and value is not Material and value.by_numbers:
-            found[value.name.lower().replace(" ", "_")] = value
-    return found
+    classes = [v for v in vars(materials).values() if inspect.isclass(v) and issubclass(v, Material)]
+    return {c.name.lower().replace(" ", "_"): c for c in classes if c is not Material and c.by_numbers}
 
 
 def parameters(cls) -> list[str]:
@@ -119,7 +116,4 @@ def keys_of(model, complain) -> dict[str, Key]:
     if not isinstance(model, str) or model not in known:
         names = [*known, *KEYS]
         raise complain(f"unknown {model!r}: {guess(str(model), names)}known: {', '.join(names)}")
-    return {
-        "density": _DENSITY,
-        **{p: _value(p) for p in parameters(known[model])},
-    }
+    return {"density": _DENSITY, **{p: _value(p) for p in parameters(known[model])}}

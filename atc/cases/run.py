@@ -23,29 +23,17 @@ from .fields import CaseFields
 # Wall seconds between two saved states, beside those of the entries.
 _SAVE_EVERY = 60.0
 
+_ALONG = "positive along +x, +y, +z"
+_DAMAGE = "share of the family, by volume, whose bonds are broken"
+_INDICES = "component [i, j]: i the face normal, j the force component"
 # name: (rank, dimension of its unit, long name, sign)
 QUANTITIES = {
-    "displacement": (1, "length", "displacement", "positive along +x, +y, +z"),
-    "velocity": (1, "velocity", "velocity", "positive along +x, +y, +z"),
-    "damage": (
-        0,
-        "dimensionless",
-        "damage: share of the family, by volume, whose bonds are broken",
-        "0 whole, 1 without bonds",
-    ),
+    "displacement": (1, "length", "displacement", _ALONG),
+    "velocity": (1, "velocity", "velocity", _ALONG),
+    "damage": (0, "dimensionless", f"damage: {_DAMAGE}", "0 whole, 1 without bonds"),
     "energy": (0, "energy", "strain energy of the node", "positive"),
-    "force": (
-        1,
-        "force",
-        "total force on the node: bonds, contact, indenters, walls, body forces",
-        "positive along +x, +y, +z",
-    ),
-    "stress": (
-        2,
-        "pressure",
-        "peridynamic stress, nodal virial",
-        "tension positive; component [i, j]: i the face normal, j the force component",
-    ),
+    "force": (1, "force", "total force on the node: bonds, contact, indenters, walls, body forces", _ALONG),
+    "stress": (2, "pressure", "peridynamic stress, nodal virial", f"tension positive; {_INDICES}"),
 }
 DEFAULT = ("displacement", "velocity", "damage", "energy", "force")
 LEDGER = {
@@ -106,7 +94,7 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
         else:
             state = None
         sim = case.simulation(threads, state)
-        runner.go(sim, progress, fresh=saved is None)
+        runner.go(sim, progress, sim.state.step if saved is None else int(saved["run.start"]))
         ds_attrs = {"": {"n_broken": int(sim.n_broken), "sources": Path(case.name).name}}
         restart = case.path("output", "restart")
         if restart is not None:
@@ -172,11 +160,16 @@ def load_state(path):
     """A `pd.State` from a restart file."""
     from ..pd.state import State
 
+    return State.from_arrays(_arrays(path, "{}: is not a restart file of atc pd ({})"))
+
+
+def _arrays(path, complaint: str) -> dict:
+    """What `save_arrays` wrote."""
     try:
         with np.load(path) as f:
-            return State.from_arrays({k: f[k] for k in f.files})
+            return {k: f[k] for k in f.files}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as e:
-        raise AtcError(f"{path}: is not a restart file of atc pd ({type(e).__name__})") from None
+        raise AtcError(complaint.format(path, type(e).__name__)) from None
 
 
 class _Run:
@@ -186,27 +179,14 @@ class _Run:
         self.every = min(case.get("output", "every", max(1, self.steps // 20)), self.steps)
         self.names = tuple(case.get("output", "quantities", DEFAULT))
         self.file = store.partial / "restart.npz"
-        vtk = case.path("output", "vtk")
-        self.vtk = None if vtk is None else vtk
+        self.vtk = case.path("output", "vtk")
 
     def load(self):
         """The arrays of the saved state of an interrupted run, or None."""
-        if not self.file.exists():
-            return None
-        try:
-            with np.load(self.file) as f:
-                return {k: f[k] for k in f.files}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as e:
-            raise AtcError(
-                f"{self.file}: the state of the interrupted run cannot be read ({type(e).__name__}): begin again with "
-                "--restart"
-            ) from None
+        why = "{}: the state of the interrupted run cannot be read ({}): begin again with --restart"
+        return _arrays(self.file, why) if self.file.exists() else None
 
-    def go(self, sim, progress, fresh):
-        start = sim.state.step if fresh else None
-        if not fresh:
-            with np.load(self.file) as f:
-                start = int(f["run.start"])
+    def go(self, sim, progress, start):
         end = start + self.steps
         self.start = start
         self.marks = [*range(start, end, self.every), end]
@@ -234,11 +214,8 @@ class _Run:
             chunk = min(target - step, self._chunk(began, step - first))
             self._step(sim, chunk)
             if progress is not None:
-                progress(
-                    sim.state.step - start,
-                    self.steps,
-                    (sim.state.step - first) / max(time.perf_counter() - began, 1e-9),
-                )
+                rate = (sim.state.step - first) / max(time.perf_counter() - began, 1e-9)
+                progress(sim.state.step - start, self.steps, rate)
             if asked() or time.monotonic() - saved > _SAVE_EVERY:
                 self._save(sim)
                 saved = time.monotonic()
@@ -316,11 +293,8 @@ class _Run:
         """{quantity: unit} of what is known at the nodes."""
         from ..units import units
 
-        return {
-            **{q: units("si").label(QUANTITIES[q][1]) for q in self.names},
-            "volume": units("si").label("volume"),
-            "material": "1",
-        }
+        label = units("si").label
+        return {**{q: label(QUANTITIES[q][1]) for q in self.names}, "volume": label("volume"), "material": "1"}
 
     def _layout(self, sim) -> Layout:
         from .. import __version__
@@ -335,6 +309,9 @@ class _Run:
             values = np.asarray(values)
             out.append(Variable(name, dims, values.shape, values.dtype, attrs, static=values, coordinate=True))
 
+        def of_node(name, values, units, long_name):
+            static(name, ("node",), values, units=units, long_name=long_name)
+
         def moving(name, dims, shape, dtype=np.float64, coordinate=False, **attrs):
             out.append(Variable(name, dims, shape, np.dtype(dtype), attrs, coordinate=coordinate))
 
@@ -347,40 +324,19 @@ class _Run:
         if any(QUANTITIES[q][0] == 2 for q in self.names):
             static("j", ("j",), letters, long_name="second index of a tensor")
         for k, a in enumerate("xyz"):
-            static(
-                f"position_{a}",
-                ("node",),
-                body.X_nc[:, k],
-                units=u.label("length"),
-                long_name=f"{a} of the node in the undeformed body",
-            )
-        static("volume", ("node",), body.V_n, units=u.label("volume"), long_name="volume of the node")
-        static(
-            "density", ("node",), body.rho_n, units=u.label("density"), long_name="mass density of the undeformed body"
-        )
-        static("material", ("node",), body.material_n, units="1", long_name="material of the node")
+            of_node(f"position_{a}", body.X_nc[:, k], u.label("length"), f"{a} of the node in the undeformed body")
+        of_node("volume", body.V_n, u.label("volume"), "volume of the node")
+        of_node("density", body.rho_n, u.label("density"), "mass density of the undeformed body")
+        of_node("material", body.material_n, "1", "material of the node")
         for q in self.names:
             rank, dimension, long_name, sign = QUANTITIES[q]
             dims = ("node", *("i", "j")[:rank])
             moving(q, dims, (n, *(3,) * rank), units=u.label(dimension), long_name=long_name, sign_convention=sign)
         for k, long_name in LEDGER.items():
-            moving(
-                f"energy_{k}",
-                (),
-                (),
-                units=u.label("energy"),
-                long_name=long_name,
-                sign_convention="since the start of the run" if "_" in k else "positive",
-            )
-        moving(
-            "n_broken",
-            (),
-            (),
-            np.int64,
-            units="1",
-            long_name="number of broken bonds",
-            sign_convention="each bond once",
-        )
+            sign = "since the start of the run" if "_" in k else "positive"
+            moving(f"energy_{k}", (), (), units=u.label("energy"), long_name=long_name, sign_convention=sign)
+        count = {"units": "1", "long_name": "number of broken bonds", "sign_convention": "each bond once"}
+        moving("n_broken", (), (), np.int64, **count)
         attrs = {
             "atc_version": __version__,
             "version": __version__,
@@ -404,22 +360,15 @@ class _Run:
 
 def node_values(sim, names) -> dict[str, np.ndarray]:
     """The quantities `names` at the nodes, now."""
-    s = sim.state
-    out = {}
-    for name in names:
-        if name == "displacement":
-            out[name] = np.array(s.u_nc)
-        elif name == "velocity":
-            out[name] = np.array(s.v_nc)
-        elif name == "damage":
-            out[name] = sim.damage()
-        elif name == "energy":
-            out[name] = sim.strain_energy_n()
-        elif name == "force":
-            out[name] = np.array(sim.forces())
-        elif name == "stress":
-            out[name] = nodal_stress(sim)
-    return out
+    makers = {
+        "displacement": lambda: np.array(sim.state.u_nc),
+        "velocity": lambda: np.array(sim.state.v_nc),
+        "damage": sim.damage,
+        "energy": sim.strain_energy_n,
+        "force": lambda: np.array(sim.forces()),
+        "stress": lambda: nodal_stress(sim),
+    }
+    return {name: makers[name]() for name in names}
 
 
 def nodal_stress(sim) -> np.ndarray:

@@ -32,6 +32,10 @@ SHAPES = {
 }
 
 
+def _needed(shape) -> list[str]:
+    return [k for k in SHAPES[shape] if shape != "cylinder" or k not in ("lo", "hi")]
+
+
 def _bound(v):
     """A number, also inf and -inf: an open side."""
     if isinstance(v, bool) or not isinstance(v, (int, float)) or v != v:
@@ -145,9 +149,7 @@ def _shape_or_combination(v):
             out[key] = _bound(v.get(key, float("-inf") if key == "lo" else float("inf")))
             continue
         if key not in v:
-            raise ValueError(
-                f"a {shape} needs {', '.join(k for k in SHAPES[shape] if shape != 'cylinder' or k not in ('lo', 'hi'))}"
-            )
+            raise ValueError(f"a {shape} needs {', '.join(_needed(shape))}")
         if key == "name":
             out[key] = _string(v[key])
         elif key == "radius":
@@ -162,11 +164,8 @@ def _shape_or_combination(v):
 
 
 def _two_materials(v):
-    if (
-        not isinstance(v, list)
-        or len(v) != 2
-        or not all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v)
-    ):
+    named = isinstance(v, list) and all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v)
+    if not named or len(v) != 2:
         raise ValueError
     if v[0] == v[1]:
         raise ValueError("an interface is between two different materials")
@@ -189,26 +188,18 @@ REGION_JSON = {
                     "radius": {"type": "number", "exclusiveMinimum": 0},
                     "name": {"type": "string", "pattern": r"\S"},
                 },
-                "required": ["shape", *(k for k in keys if shape != "cylinder" or k not in ("lo", "hi"))],
+                "required": ["shape", *_needed(shape)],
                 "propertyNames": {"enum": ["shape", *keys]},
             }
             for shape, keys in SHAPES.items()
         ),
         *(
-            {
-                "type": "object",
-                "properties": {word: {"type": "array", "items": {"$ref": "#/$defs/region"}, "minItems": 1}},
-                "required": [word],
-                "additionalProperties": False,
-            }
-            for word in ("any", "all")
+            {"type": "object", "properties": {word: of}, "required": [word], "additionalProperties": False}
+            for word, of in (
+                *((w, {"type": "array", "items": {"$ref": "#/$defs/region"}, "minItems": 1}) for w in ("any", "all")),
+                ("not", {"$ref": "#/$defs/region"}),
+            )
         ),
-        {
-            "type": "object",
-            "properties": {"not": {"$ref": "#/$defs/region"}},
-            "required": ["not"],
-            "additionalProperties": False,
-        },
     ]
 }
 described(_region, {"$ref": "#/$defs/region"})

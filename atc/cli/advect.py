@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
+from .common import option, parse_numbers
 
 
 def register(app: typer.Typer) -> None:
@@ -17,121 +18,68 @@ def register(app: typer.Typer) -> None:
 
 
 def advect(
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="OUT",
-            help="The run as .nc or .zarr; a picture goes beside it.",
-            show_default=False,
-        ),
-    ],
+    output: Annotated[Path, option("-o --output OUT", "The run as .nc or .zarr; a picture goes beside it.")],
     initial: Annotated[
-        str, typer.Option("--initial", metavar="FORMULA", help="u at t = 0, a formula of x (and L, the period).")
+        str, option("--initial FORMULA", "u at t = 0, a formula of x (and L, the period).")
     ] = "sin(2*pi*x/L)",
-    length: Annotated[float, typer.Option("--length", metavar="L", help="The period.")] = 1.0,
-    nodes: Annotated[int, typer.Option("--nodes", metavar="N", help="Grid points.")] = 1024,
+    length: Annotated[float, option("--length L", "The period.")] = 1.0,
+    nodes: Annotated[int, option("--nodes N", "Grid points.")] = 1024,
     kernel: Annotated[
         str,
-        typer.Option(
-            "--kernel",
-            metavar="NAME|FORMULA|FILE",
-            help="box, triangle, gaussian; a formula of s = |z|/horizon; or a file with columns s and b(s).",
+        option(
+            "--kernel NAME|FORMULA|FILE",
+            "box, triangle, gaussian; a formula of s = |z|/horizon; or a file with columns s and b(s).",
         ),
     ] = "gaussian",
     horizon: Annotated[
-        float,
-        typer.Option(
-            "--horizon",
-            metavar="D",
-            help="Reach of the kernel; three standard deviations of gaussian, which reaches 3 D.",
-        ),
+        float, option("--horizon D", "Reach of the kernel; three standard deviations of gaussian, which reaches 3 D.")
     ] = 0.02,
     smoothing_kernel: Annotated[
         str | None,
-        typer.Option(
-            "--smoothing-kernel",
-            metavar="NAME|FORMULA|FILE",
-            help="Profile of the regularisation's kernel, as --kernel; by default the same.",
-            show_default=False,
+        option(
+            "--smoothing-kernel NAME|FORMULA|FILE",
+            "Profile of the regularisation's kernel, as --kernel; by default the same.",
         ),
     ] = None,
     smoothing_horizon: Annotated[
-        float | None,
-        typer.Option(
-            "--smoothing-horizon", metavar="D", help="Its reach; by default that of --horizon.", show_default=False
-        ),
+        float | None, option("--smoothing-horizon D", "Its reach; by default that of --horizon.")
     ] = None,
-    viscosity: Annotated[
-        float, typer.Option("--viscosity", metavar="EPS", help="Strength of the regularisation; 0 is inviscid.")
-    ] = 0.01,
-    flux: Annotated[
-        str, typer.Option("--flux", metavar="NAME|FORMULA", help="burgers (u^2/2), or a formula of u.")
-    ] = "burgers",
+    viscosity: Annotated[float, option("--viscosity EPS", "Strength of the regularisation; 0 is inviscid.")] = 0.01,
+    flux: Annotated[str, option("--flux NAME|FORMULA", "burgers (u^2/2), or a formula of u.")] = "burgers",
     two_point: Annotated[
-        str,
-        typer.Option("--two-point", metavar="NAME", help="midpoint, or conserving (energy constant at viscosity 0)."),
+        str, option("--two-point NAME", "midpoint, or conserving (energy constant at viscosity 0).")
     ] = "midpoint",
-    duration: Annotated[float, typer.Option("--duration", metavar="T", help="How long.")] = 1.0,
-    frames: Annotated[int, typer.Option("--frames", metavar="N", help="Recorded times.")] = 101,
-    method: Annotated[str, typer.Option("--method", metavar="NAME", help="auto, fft (Burgers) or stencil.")] = "auto",
-    safety: Annotated[float, typer.Option("--safety", metavar="C", help="Part of the stable time step to take.")] = 0.5,
+    duration: Annotated[float, option("--duration T", "How long.")] = 1.0,
+    frames: Annotated[int, option("--frames N", "Recorded times.")] = 101,
+    method: Annotated[str, option("--method NAME", "auto, fft (Burgers) or stencil.")] = "auto",
+    safety: Annotated[float, option("--safety C", "Part of the stable time step to take.")] = 0.5,
     reference: Annotated[
-        bool, typer.Option("--reference/--no-reference", help="Compare with the local equation (Cole-Hopf, Hopf-Lax).")
+        bool, option("--reference/--no-reference", "Compare with the local equation (Cole-Hopf, Hopf-Lax).")
     ] = True,
     horizons: Annotated[
-        str | None,
-        typer.Option(
-            "--horizons",
-            metavar="H1,H2,...",
-            help="A study instead: these horizons against Cole-Hopf at the end.",
-            show_default=False,
-        ),
+        str | None, option("--horizons H1,H2,...", "A study instead: these horizons against Cole-Hopf at the end.")
     ] = None,
-    fluxes: Annotated[
-        bool, typer.Option("--fluxes", help="Write the explicit nonlocal fluxes too, between the nodes.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")] = False,
+    fluxes: Annotated[bool, option("--fluxes", "Write the explicit nonlocal fluxes too, between the nodes.")] = False,
+    quiet: Annotated[bool, option("-q --quiet", "Print nothing.")] = False,
 ) -> None:
     """Nonlocal advection in one dimension: Burgers or another flux, shocks, mass and entropy ledgers, against the local
     equation."""
-    from ..advection.study import convergence_study, picture, run_study
+    from ..advection.study import Problem, convergence_study, picture, run_study
     from ..running.whole import write_dataset
     from ..upscaling.custom import writable
 
     output = writable(output)
-    common = {
-        "initial": initial,
-        "length": length,
-        "nodes": nodes,
-        "kernel": kernel,
-        "viscosity": viscosity,
-        "flux": flux,
-        "two_point": two_point,
-        "duration": duration,
-        "method": method,
-        "safety": safety,
-        "smoothing_kernel": smoothing_kernel,
-    }
-    if horizons is not None:
-        if smoothing_horizon is not None or fluxes:
-            what = "--smoothing-horizon" if smoothing_horizon is not None else "--fluxes"
-            raise AtcError(f"{what}: is of one run; leave it out, or leave out --horizons")
-        try:
-            values = [float(h) for h in horizons.split(",")]
-        except ValueError:
-            raise AtcError(f"--horizons {horizons}: expected lengths, e.g. --horizons 0.08,0.04,0.02") from None
-        study = convergence_study(horizons=values, **common)
+    if horizons is not None and (smoothing_horizon is not None or fluxes):
+        what = "--smoothing-horizon" if smoothing_horizon is not None else "--fluxes"
+        raise AtcError(f"{what}: is of one run; leave it out, or leave out --horizons")
+    values = parse_numbers("--horizons", horizons, "lengths, e.g. --horizons 0.08,0.04,0.02", len)
+    problem = Problem(
+        initial, length, nodes, kernel, viscosity, flux, two_point, duration, method, safety, smoothing_kernel
+    )
+    if values is not None:
+        study = convergence_study(problem, values)
     else:
-        study = run_study(
-            horizon=horizon,
-            frames=frames,
-            reference=reference,
-            smoothing_horizon=smoothing_horizon,
-            fluxes=fluxes,
-            **common,
-        )
+        study = run_study(problem, horizon, frames, reference, smoothing_horizon, fluxes)
     write_dataset(study.dataset, output)
     drawn = picture(study, output.with_suffix(".png"))
     if not quiet:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
-from .common import Begin, End, Jobs, Json, Quiet, Set, Step, console, load_scene
+from .common import Begin, End, Jobs, Json, Quiet, Set, Step, argument, console, load_scene, option, parse_numbers
 
 
 def register(app) -> None:
@@ -16,38 +14,23 @@ def register(app) -> None:
 
     @app.command()
     def bench(
-        scene: Annotated[
-            Path | None, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)
-        ] = None,
+        scene: Annotated[Path | None, argument("SCENE", "The scene, a TOML file.")] = None,
         set: Set = None,
         begin: Begin = None,
         end: End = None,
         step: Step = None,
         jobs: Jobs = 1,
         tolerances: Annotated[
-            str | None,
-            typer.Option(
-                "--tolerances", metavar="T1,T2,...", help="Tolerances of the spectral method.", show_default=False
-            ),
+            str | None, option("--tolerances T1,T2,...", "Tolerances of the spectral method.")
         ] = None,
         field: Annotated[
-            str | None,
-            typer.Option(
-                "--field",
-                metavar="NAME",
-                help="Which of the scene's fields; default: stress_potential, or the first.",
-                show_default=False,
-            ),
+            str | None, option("--field NAME", "Which of the scene's fields; default: stress_potential, or the first.")
         ] = None,
         calibrate: Annotated[
-            bool,
-            typer.Option("--calibrate", help="Measure what plans and choices of methods are based on, and keep it."),
+            bool, option("--calibrate", "Measure what plans and choices of methods are based on, and keep it.")
         ] = False,
         picture: Annotated[
-            Path | None,
-            typer.Option(
-                "--picture", metavar="FILE", help="Where the picture goes; default: next to SCENE.", show_default=False
-            ),
+            Path | None, option("--picture FILE", "Where the picture goes; default: next to SCENE.")
         ] = None,
         json: Json = False,
         quiet: Quiet = False,
@@ -70,7 +53,13 @@ def register(app) -> None:
 
         target = picture or scene.with_name(scene.stem + "-bench.png")
         picture_kind(target)
-        ladder = TOLERANCES if tolerances is None else _numbers(tolerances)
+        given = parse_numbers(
+            "--tolerances",
+            tolerances,
+            "numbers between 0 and 1, e.g. --tolerances 1e-3,1e-5",
+            lambda values: values and all(0 < t < 1 for t in values),
+        )
+        ladder = sorted(given, reverse=True) if given else TOLERANCES
         made = load_scene(scene, set, begin, end, step)
         arguments = made.arguments(jobs)
         arguments["threads"], arguments["workers"] = max(arguments["threads"], arguments["workers"]), 1
@@ -90,16 +79,6 @@ def _say(text: str) -> None:
 
     if sys.stderr.isatty():
         print(f"  {text} ...", file=sys.stderr, flush=True)
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        values = [float(t) for t in text.split(",") if t.strip()]
-        if not values or not all(0 < t < 1 for t in values):
-            raise ValueError
-    except ValueError:
-        raise AtcError(f"--tolerances {text}: expected numbers between 0 and 1, e.g. --tolerances 1e-3,1e-5") from None
-    return sorted(values, reverse=True)
 
 
 def _calibrate(json: bool, quiet: bool) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Jobs, Json, SceneFile, Set, Silent, Step, console, load_scene
+from .common import Begin, End, Jobs, Json, SceneFile, Set, Silent, Step, console, load_scene, option
 
 
 def register(app: typer.Typer) -> None:
@@ -21,10 +21,7 @@ def check(
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
-    points: Annotated[
-        int | None,
-        typer.Option("--points", metavar="N", help="Random points, and as many of the grid's.", show_default=False),
-    ] = None,
+    points: Annotated[int | None, option("--points N", "Random points, and as many of the grid's.")] = None,
     json: Json = False,
     quiet: Silent = False,
 ) -> None:

@@ -19,11 +19,13 @@ _kept: str | None = None
 
 @contextlib.contextmanager
 def kept_on_interrupt(message: str):
-    """While this runs, an interruption ends with `message`."""
+    """While this runs, an interruption ends with `message`, and errors name the flag that starts again."""
     global _kept
     _kept = message
     try:
         yield
+    except AtcError as e:
+        raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
     finally:
         if not issubclass(sys.exc_info()[0] or type(None), KeyboardInterrupt):
             _kept = None
@@ -34,51 +36,37 @@ def interrupted(word: str = "interrupted") -> str:
     return f"{word}; {_kept}" if _kept else word
 
 
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="The scene, a TOML file.", show_default=False)]
+def option(words: str, help: str):
+    """An option as its help shows it, such as ``-q --quantity NAME``: its names, and what stands for its value."""
+    names = [word for word in words.split() if word.startswith("-")]
+    metavar = words.partition(names[-1])[2].strip() or None
+    return typer.Option(*names, metavar=metavar, help=help)
+
+
+def argument(metavar: str, help: str):
+    """An argument, by what stands for it in the help."""
+    return typer.Argument(metavar=metavar, help=help)
+
+
+SceneFile = Annotated[Path, argument("SCENE", "The scene, a TOML file.")]
 Set = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="SECTION.KEY=VALUE",
-        help="Override a key of the scene, e.g. --set kernel.radius=10. Repeatable.",
-        show_default=False,
-    ),
+    option("--set SECTION.KEY=VALUE", "Override a key of the scene, e.g. --set kernel.radius=10. Repeatable."),
 ]
-Begin = Annotated[
-    int | None, typer.Option("-b", "--begin", metavar="N", help="First frame, counted from 0.", show_default=False)
-]
-End = Annotated[int | None, typer.Option("-e", "--end", metavar="N", help="Frame to stop before.", show_default=False)]
-Step = Annotated[int | None, typer.Option("--step", metavar="N", help="Take every N-th frame.", show_default=False)]
-Jobs = Annotated[int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")]
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")]
-Silent = Annotated[bool, typer.Option("-q", "--quiet", help="Only the exit status.")]
-Json = Annotated[bool, typer.Option("--json", help="As JSON.")]
-Output = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", metavar="OUT", help="The file to write: .zarr or .nc.", show_default=False),
-]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")]
+Begin = Annotated[int | None, option("-b --begin N", "First frame, counted from 0.")]
+End = Annotated[int | None, option("-e --end N", "Frame to stop before.")]
+Step = Annotated[int | None, option("--step N", "Take every N-th frame.")]
+Jobs = Annotated[int, option("-j --jobs N", "Processor cores to use; 0 is all of them.")]
+Quiet = Annotated[bool, option("-q --quiet", "No progress, no summary.")]
+Silent = Annotated[bool, option("-q --quiet", "Only the exit status.")]
+Json = Annotated[bool, option("--json", "As JSON.")]
+Output = Annotated[Path | None, option("-o --output OUT", "The file to write: .zarr or .nc.")]
+Overwrite = Annotated[bool, option("--overwrite", "Replace OUT if it exists.")]
 #: Of commands that write their results beside printing them.
-Dataset = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", metavar="OUT", help="Write a dataset: .nc or .zarr.", show_default=False),
-]
-Topology = Annotated[
-    str | None,
-    typer.Option(
-        "--topology", metavar="FILE", help="LAMMPS data file with masses, charges, bonds.", show_default=False
-    ),
-]
-UnitsOption = Annotated[
-    str | None,
-    typer.Option("--units", metavar="STYLE", help="LAMMPS unit style: lj, real, metal, si, ...", show_default=False),
-]
-Masses = Annotated[
-    str | None,
-    typer.Option(
-        "--masses", metavar="LIST", help="Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.", show_default=False
-    ),
-]
+Dataset = Annotated[Path | None, option("-o --output OUT", "Write a dataset: .nc or .zarr.")]
+Topology = Annotated[str | None, option("--topology FILE", "LAMMPS data file with masses, charges, bonds.")]
+UnitsOption = Annotated[str | None, option("--units STYLE", "LAMMPS unit style: lj, real, metal, si, ...")]
+Masses = Annotated[str | None, option("--masses LIST", "Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.")]
 
 
 def write_result(result, dataset, picture, tell: bool) -> None:
@@ -94,44 +82,23 @@ def write_result(result, dataset, picture, tell: bool) -> None:
 
 Select = Annotated[
     str | None,
-    typer.Option(
-        "--select",
-        metavar="WORDS",
-        help='Only of some atoms, in words of MDAnalysis, e.g. "type 1 2", or "group:wall", a group of the script; '
+    option(
+        "--select WORDS",
+        'Only of some atoms, in words of MDAnalysis, e.g. "type 1 2", or "group:wall", a group of the script; '
         "more ways: [select] in the scene.",
-        show_default=False,
     ),
 ]
-By = Annotated[
-    str | None,
-    typer.Option("--by", metavar="WHAT", help="Take fields apart: type, element or molecule.", show_default=False),
-]
+By = Annotated[str | None, option("--by WHAT", "Take fields apart: type, element or molecule.")]
 Ends = Annotated[
     str | None,
-    typer.Option(
-        "--bonds",
-        metavar="WHICH",
-        help="With selected atoms, which bonds count by their ends: half (default), both, one, any.",
-        show_default=False,
-    ),
+    option("--bonds WHICH", "With selected atoms, which bonds count by their ends: half (default), both, one, any."),
 ]
 
 
 PublishedUnits = Annotated[
-    str | None,
-    typer.Option(
-        "--units",
-        metavar="LIST",
-        help='In these units, e.g. "GPa, nm", or a preset: metal-gpa, nm-gpa, si.',
-        show_default=False,
-    ),
+    str | None, option("--units LIST", 'In these units, e.g. "GPa, nm", or a preset: metal-gpa, nm-gpa, si.')
 ]
-Species = Annotated[
-    str | None,
-    typer.Option(
-        "--species", metavar="NAME", help="Of fields taken apart, whose (see --by of atc fields).", show_default=False
-    ),
-]
+Species = Annotated[str | None, option("--species NAME", "Of fields taken apart, whose (see --by of atc fields).")]
 
 
 def select_atoms(scene, select, by, bonds):
@@ -170,6 +137,25 @@ def load_scene(path, settings, begin=None, end=None, step=None, selects=False):
         names = {"begin": "-b", "end": "-e", "step": "--step"}
         scene.set("trajectory", "frames", flags, flag=" ".join(f"{names[k]} {v}" for k, v in flags.items()))
     return scene
+
+
+def output_asked(scene, output, overwrite):
+    """Where to write a dataset, checked: what the flag says, else the scene; None where neither does."""
+    asked = output is not None or scene.get("output", "file") is not None
+    return scene.output(output, overwrite=overwrite) if asked else None
+
+
+def parse_numbers(flag: str, text: str | None, expected: str, good=lambda values: True) -> list[float] | None:
+    """The numbers of ``--flag 1,2``, which `good` must be content with; None for nothing."""
+    if text is None:
+        return None
+    try:
+        values = [float(v) for v in text.split(",") if v.strip()]
+    except ValueError:
+        values = None
+    if values is None or not good(values):
+        raise AtcError(f"{flag} {text}: expected {expected}")
+    return values
 
 
 def parse_masses(text: str | None):

@@ -8,7 +8,22 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Begin, End, Jobs, PublishedUnits, Quiet, Set, Species, Step, console, load_scene, progress_bar
+from .common import (
+    Begin,
+    End,
+    Jobs,
+    PublishedUnits,
+    Quiet,
+    Set,
+    Species,
+    Step,
+    argument,
+    console,
+    load_scene,
+    option,
+    parse_numbers,
+    progress_bar,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -19,45 +34,31 @@ def register(app: typer.Typer) -> None:
 def compare(
     what: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="OUT...|SCENE",
-            help="Outputs of atc fields; or one and a file of LAMMPS (dump grid, fix ave/chunk); or a scene together "
+        argument(
+            "OUT...|SCENE",
+            "Outputs of atc fields; or one and a file of LAMMPS (dump grid, fix ave/chunk); or a scene together "
             "with --radii.",
-            show_default=False,
         ),
     ],
     radii: Annotated[
-        str | None,
-        typer.Option(
-            "--radii",
-            metavar="R1,R2,...",
-            help="Compute the scene's stress for these kernel radii and compare them.",
-            show_default=False,
-        ),
+        str | None, option("--radii R1,R2,...", "Compute the scene's stress for these kernel radii and compare them.")
     ] = None,
     set: Set = None,
     begin: Begin = None,
     end: End = None,
     step: Step = None,
     jobs: Jobs = 1,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            "--picture", metavar="FILE", help="Where the picture goes; default: next to OUT.", show_default=False
-        ),
-    ] = None,
+    picture: Annotated[Path | None, option("--picture FILE", "Where the picture goes; default: next to OUT.")] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(
-            "--column",
-            metavar="'FIELD = COLUMN'",
-            help="Which field a column of LAMMPS is, e.g. 'stress_xx = f_1:grid:data[2]', or a product: "
+        option(
+            "--column 'FIELD = COLUMN'",
+            "Which field a column of LAMMPS is, e.g. 'stress_xx = f_1:grid:data[2]', or a product: "
             "'smoothed_virial_stress_xx = c_st[1] * density/number'. Repeatable.",
-            show_default=False,
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="The table as JSON.")] = False,
-    csv: Annotated[bool, typer.Option("--csv", help="The table as CSV.")] = False,
+    json: Annotated[bool, option("--json", "The table as JSON.")] = False,
+    csv: Annotated[bool, option("--csv", "The table as CSV.")] = False,
     species: Species = None,
     units: PublishedUnits = None,
     quiet: Quiet = False,
@@ -74,9 +75,14 @@ def compare(
         if len(what) != 1:
             raise AtcError("--radii goes with one scene: atc compare SCENE --radii 4,6,8")
         made = load_scene(what[0], set, begin, end, step, selects=True)
+        lengths = parse_numbers(
+            "--radii",
+            radii,
+            "lengths greater than 0 in the trajectory's units, e.g. --radii 4,6,8,10",
+            lambda values: values and min(values) > 0,
+        )
         with progress_bar(quiet or json or csv) as progress:
-            results = [compare_radii(made, _parse_radii(radii), jobs=jobs, progress=progress)]
-        target = what[0]
+            result = compare_radii(made, lengths, jobs=jobs, progress=progress)
     else:
         for path in what:
             if path.suffix == ".toml":
@@ -87,16 +93,13 @@ def compare(
         if set or begin is not None or end is not None or step is not None:
             raise AtcError("--set, -b, -e and --step go with a scene and --radii; an output is compared as it is")
         if len(what) == 2 and what[1].suffix not in (".nc", ".zarr") and is_grid(what[1]):
-            results = [compare_with_lammps(what[0], what[1], column)]
+            result = compare_with_lammps(what[0], what[1], column)
         elif column:
             raise AtcError("--column goes with an output and a file of LAMMPS: atc compare OUT FILE --column ...")
         else:
             results = [compare_output(path, species=species, units=units) for path in what]
-        if len(results) > 1:
-            results = [side_by_side(results)]
-        target = what[0]
-    result = results[0]
-    target = picture or target.with_name(target.stem + "-compare.png")
+            result = results[0] if len(results) == 1 else side_by_side(results)
+    target = picture or what[0].with_name(what[0].stem + "-compare.png")
     result.picture(target)
     if json:
         print(result.json())
@@ -106,15 +109,3 @@ def compare(
         result.print(console())
     if not (quiet or json or csv):
         print(f"picture: {target}")
-
-
-def _parse_radii(text: str) -> list[float]:
-    try:
-        radii = [float(r) for r in text.split(",") if r.strip()]
-        if not radii or min(radii) <= 0:
-            raise ValueError
-    except ValueError:
-        raise AtcError(
-            f"--radii {text}: expected lengths greater than 0 in the trajectory's units, e.g. --radii 4,6,8,10"
-        ) from None
-    return radii

@@ -20,6 +20,8 @@ from .common import (
     Step,
     console,
     load_scene,
+    option,
+    output_asked,
     write_result,
 )
 
@@ -35,17 +37,11 @@ def register(app: typer.Typer) -> None:
         begin: Begin = None,
         end: End = None,
         step: Step = None,
-        picture: Annotated[
-            Path | None,
-            typer.Option("--picture", metavar="FILE", help="Draw everything in one picture.", show_default=False),
-        ] = None,
+        picture: Annotated[Path | None, option("--picture FILE", "Draw everything in one picture.")] = None,
         phonopy: Annotated[
             Path | None,
-            typer.Option(
-                "--phonopy",
-                metavar="FOLDER",
-                help="Write phonopy.yaml, FORCE_CONSTANTS and band.yaml there, for phonopy and Euphonic.",
-                show_default=False,
+            option(
+                "--phonopy FOLDER", "Write phonopy.yaml, FORCE_CONSTANTS and band.yaml there, for phonopy and Euphonic."
             ),
         ] = None,
         json: Json = False,
@@ -60,11 +56,7 @@ def register(app: typer.Typer) -> None:
         from ..upscaling.dispersion import dispersion_of_scene
 
         made = load_scene(scene, set, begin, end, step)
-        out = (
-            made.output(output, overwrite=overwrite)
-            if output is not None or made.get("output", "file") is not None
-            else None
-        )
+        out = output_asked(made, output, overwrite)
         result = dispersion_of_scene(made)
         if made.get("dispersion", "twin"):
             from ..twins.waves import add_twin

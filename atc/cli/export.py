@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Begin, End, Species, Step
+from .common import Begin, End, Species, Step, argument, option
 
 
 def register(app: typer.Typer) -> None:
@@ -17,32 +17,18 @@ def register(app: typer.Typer) -> None:
 
 
 def export(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields or atc pd.", show_default=False)],
+    out: Annotated[Path, argument("OUT", "Output of atc fields or atc pd.")],
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="What to write: .pvd (default), .vtu, .vti, .vts, .grid or .extxyz.",
-            show_default=False,
-        ),
+        Path | None, option("-o --output FILE", "What to write: .pvd (default), .vtu, .vti, .vts, .grid or .extxyz.")
     ] = None,
     quantity: Annotated[
-        str | None,
-        typer.Option(
-            "-q",
-            "--quantity",
-            metavar="NAMES",
-            help="Which fields, separated by commas; default all.",
-            show_default=False,
-        ),
+        str | None, option("-q --quantity NAMES", "Which fields, separated by commas; default all.")
     ] = None,
     begin: Begin = None,
     end: End = None,
     step: Step = None,
     species: Species = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Do not print the file's name.")] = False,
+    quiet: Annotated[bool, option("--quiet", "Do not print the file's name.")] = False,
 ) -> None:
     """Write an output for ParaView (VTK), OVITO (.grid: LAMMPS's dump grid) or as extended XYZ."""
     from ..export.export import export as write

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import AtcError, heard
+from ..errors import heard
 from .common import (
     Begin,
     By,
@@ -26,6 +26,7 @@ from .common import (
     duration,
     kept_on_interrupt,
     load_scene,
+    option,
     progress_bar,
     select_atoms,
 )
@@ -50,19 +51,10 @@ def fields(
     units: PublishedUnits = None,
     cluster: Annotated[
         str | None,
-        typer.Option(
-            "--cluster",
-            metavar="ADDRESS",
-            help="Compute on the workers of this Dask scheduler, e.g. tcp://127.0.0.1:8786.",
-            show_default=False,
-        ),
+        option("--cluster ADDRESS", "Compute on the workers of this Dask scheduler, e.g. tcp://127.0.0.1:8786."),
     ] = None,
-    report: Annotated[
-        bool, typer.Option("--report", help="Write an HTML page about the result beside it, too.")
-    ] = False,
-    restart: Annotated[
-        bool, typer.Option("--restart", help="Forget the finished frames of an interrupted run.")
-    ] = False,
+    report: Annotated[bool, option("--report", "Write an HTML page about the result beside it, too.")] = False,
+    restart: Annotated[bool, option("--restart", "Forget the finished frames of an interrupted run.")] = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
@@ -74,10 +66,7 @@ def fields(
     started = time.perf_counter()
     kept = kept_on_interrupt("the finished frames are kept: the same command continues")
     with kept, progress_bar(quiet) as progress, heard() as warned:
-        try:
-            attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
-        except AtcError as e:
-            raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
+        attributes = made.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=not restart)
     if not quiet:
         _summary(attributes, out, time.perf_counter() - started, progress)
     if report:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Json, Masses, Topology, UnitsOption, console, load_scene, parse_masses
+from .common import Json, Masses, Topology, UnitsOption, argument, console, load_scene, option, parse_masses
 
 
 def register(app: typer.Typer) -> None:
@@ -18,30 +18,18 @@ def register(app: typer.Typer) -> None:
 def info(
     trajectory: Annotated[
         list[str],
-        typer.Argument(
-            metavar="TRAJ...",
-            help="A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are "
+        argument(
+            "TRAJ...",
+            "A trajectory: LAMMPS dump or data file, or anything ASE or MDAnalysis reads; several files are "
             "joined. Or a scene.",
-            show_default=False,
         ),
     ],
     topology: Topology = None,
     units: UnitsOption = None,
     masses: Masses = None,
-    dimension: Annotated[
-        int | None,
-        typer.Option(
-            "--dimension", metavar="2|3", help="2: a run in the plane (LAMMPS's dimension 2).", show_default=False
-        ),
-    ] = None,
+    dimension: Annotated[int | None, option("--dimension 2|3", "2: a run in the plane (LAMMPS's dimension 2).")] = None,
     atom_style: Annotated[
-        str | None,
-        typer.Option(
-            "--atom-style",
-            metavar="STYLE",
-            help="What the columns of a LAMMPS data file are, e.g. full.",
-            show_default=False,
-        ),
+        str | None, option("--atom-style STYLE", "What the columns of a LAMMPS data file are, e.g. full.")
     ] = None,
     json: Json = False,
 ) -> None:

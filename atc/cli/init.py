@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
-from .common import Masses, Overwrite, Topology, UnitsOption, parse_masses
+from .common import Masses, Overwrite, Topology, UnitsOption, argument, option, parse_masses
 
 
 def register(app) -> None:
@@ -17,13 +15,9 @@ def register(app) -> None:
 
 
 def init(
-    trajectory: Annotated[
-        list[str],
-        typer.Argument(metavar="TRAJ... [SCRIPT]", help="The trajectory, and the LAMMPS script.", show_default=False),
-    ],
+    trajectory: Annotated[list[str], argument("TRAJ... [SCRIPT]", "The trajectory, and the LAMMPS script.")],
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="SCENE", help="The scene to write; default scene.toml beside TRAJ."),
+        Path | None, option("-o --output SCENE", "The scene to write; default scene.toml beside TRAJ.")
     ] = None,
     topology: Topology = None,
     units: UnitsOption = None,

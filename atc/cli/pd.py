@@ -6,9 +6,7 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from .common import Output, Overwrite, Quiet, duration, kept_on_interrupt, progress_bar
+from .common import Output, Overwrite, Quiet, argument, duration, kept_on_interrupt, option, progress_bar
 
 
 def register(app) -> None:
@@ -17,24 +15,15 @@ def register(app) -> None:
 
 
 def pd_command(
-    case: Annotated[Path, typer.Argument(metavar="CASE", help="The case, a TOML file.", show_default=False)],
+    case: Annotated[Path, argument("CASE", "The case, a TOML file.")],
     output: Output = None,
     set: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="SECTION.KEY=VALUE",
-            help="Override a key of the case, e.g. --set run.steps=100. Repeatable.",
-            show_default=False,
-        ),
+        option("--set SECTION.KEY=VALUE", "Override a key of the case, e.g. --set run.steps=100. Repeatable."),
     ] = None,
-    jobs: Annotated[
-        int, typer.Option("-j", "--jobs", metavar="N", help="Processor cores to use; 0 is all of them.")
-    ] = 0,
-    check: Annotated[
-        bool, typer.Option("--check", help="Only say what would be run: nodes, bonds, time step, memory.")
-    ] = False,
-    restart: Annotated[bool, typer.Option("--restart", help="Forget what an interrupted run has done.")] = False,
+    jobs: Annotated[int, option("-j --jobs N", "Processor cores to use; 0 is all of them.")] = 0,
+    check: Annotated[bool, option("--check", "Only say what would be run: nodes, bonds, time step, memory.")] = False,
+    restart: Annotated[bool, option("--restart", "Forget what an interrupted run has done.")] = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
@@ -51,14 +40,9 @@ def pd_command(
         return
     out = made.output(output, overwrite=overwrite, resume=not restart)
     started = time.perf_counter()
-    with (
-        kept_on_interrupt("what is done is kept: the same command continues"),
-        progress_bar(quiet, "steps") as progress,
-    ):
-        try:
-            ds = made.run(out, threads=jobs, progress=progress, resume=not restart)
-        except AtcError as e:
-            raise AtcError(str(e).replace("start again without resuming", "start again with --restart")) from None
+    kept = kept_on_interrupt("what is done is kept: the same command continues")
+    with kept, progress_bar(quiet, "steps") as progress:
+        ds = made.run(out, threads=jobs, progress=progress, resume=not restart)
     if not quiet:
         summary(ds, out, time.perf_counter() - started, progress)
 

@@ -21,6 +21,7 @@ from .common import (
     Step,
     console,
     load_scene,
+    option,
     progress_bar,
     write_result,
 )
@@ -34,30 +35,18 @@ def register(app: typer.Typer) -> None:
         scene: SceneFile,
         output: Dataset = None,
         axis: Annotated[
-            str | None,
-            typer.Option(
-                "--axis",
-                metavar="x|y|z",
-                help="Normal of the interface, if not the scene's slab grid's.",
-                show_default=False,
-            ),
+            str | None, option("--axis x|y|z", "Normal of the interface, if not the scene's slab grid's.")
         ] = None,
-        bins: Annotated[
-            int | None,
-            typer.Option("--bins", metavar="N", help="Bins along it, if not the scene's.", show_default=False),
-        ] = None,
-        interfaces: Annotated[
-            int, typer.Option("--interfaces", metavar="N", help="How many interfaces share the tension of the cell.")
-        ] = 2,
+        bins: Annotated[int | None, option("--bins N", "Bins along it, if not the scene's.")] = None,
+        interfaces: Annotated[int, option("--interfaces N", "How many interfaces share the tension of the cell.")] = 2,
         flow: Annotated[
-            bool, typer.Option("--flow", help="Kinetic pressure relative to the mean velocity profile of the run.")
+            bool, option("--flow", "Kinetic pressure relative to the mean velocity profile of the run.")
         ] = False,
         boundary: Annotated[
             str,
-            typer.Option(
-                "--boundary",
-                metavar="auto|periodic|vacuum",
-                help="Of the electric field: no mean field in the cell, or none below its lower face.",
+            option(
+                "--boundary auto|periodic|vacuum",
+                "Of the electric field: no mean field in the cell, or none below its lower face.",
             ),
         ] = "auto",
         set: Set = None,
@@ -65,12 +54,9 @@ def register(app: typer.Typer) -> None:
         end: End = None,
         step: Step = None,
         jobs: Jobs = 1,
-        picture: Annotated[
-            Path | None,
-            typer.Option("--picture", metavar="FILE", help="Draw the profiles.", show_default=False),
-        ] = None,
+        picture: Annotated[Path | None, option("--picture FILE", "Draw the profiles.")] = None,
         json: Json = False,
-        csv: Annotated[bool, typer.Option("--csv", help="The profiles as CSV.")] = False,
+        csv: Annotated[bool, option("--csv", "The profiles as CSV.")] = False,
         overwrite: Overwrite = False,
         quiet: Quiet = False,
     ) -> None:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from .common import PublishedUnits, Species
+from .common import PublishedUnits, Species, argument, option
 
 
 def register(app) -> None:
@@ -16,14 +14,11 @@ def register(app) -> None:
 
 
 def report(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="Output of atc fields or atc twin.", show_default=False)],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="PAGE", help="The page; default OUT.html.", show_default=False),
-    ] = None,
+    out: Annotated[Path, argument("OUT", "Output of atc fields or atc twin.")],
+    output: Annotated[Path | None, option("-o --output PAGE", "The page; default OUT.html.")] = None,
     species: Species = None,
     units: PublishedUnits = None,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Do not print the page's name.")] = False,
+    quiet: Annotated[bool, option("-q --quiet", "Do not print the page's name.")] = False,
 ) -> None:
     """Write one HTML page about an output: pictures, profiles, Hardy against virial, errors, warnings, the scene; of a
     twin its material, norms and differences."""

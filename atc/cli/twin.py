@@ -18,6 +18,8 @@ from .common import (
     Step,
     console,
     load_scene,
+    option,
+    output_asked,
     progress_bar,
     write_result,
 )
@@ -34,18 +36,9 @@ def register(app: typer.Typer) -> None:
         begin: Begin = None,
         end: End = None,
         step: Step = None,
-        picture: Annotated[
-            Path | None,
-            typer.Option("--picture", metavar="FILE", help="Draw MD, PD and their difference.", show_default=False),
-        ] = None,
-        movie: Annotated[
-            Path | None,
-            typer.Option("--movie", metavar="FILE", help="The same, frame by frame: .gif or .mp4.", show_default=False),
-        ] = None,
-        report: Annotated[
-            Path | None,
-            typer.Option("--report", metavar="FILE.html", help="One page about it all.", show_default=False),
-        ] = None,
+        picture: Annotated[Path | None, option("--picture FILE", "Draw MD, PD and their difference.")] = None,
+        movie: Annotated[Path | None, option("--movie FILE", "The same, frame by frame: .gif or .mp4.")] = None,
+        report: Annotated[Path | None, option("--report FILE.html", "One page about it all.")] = None,
         overwrite: Overwrite = False,
         quiet: Quiet = False,
     ) -> None:
@@ -61,11 +54,7 @@ def register(app: typer.Typer) -> None:
         from ..twins.run import twin as twin_of
 
         made = load_scene(scene, set, begin, end, step)
-        out = (
-            made.output(output, overwrite=overwrite)
-            if output is not None or made.get("output", "file") is not None
-            else None
-        )
+        out = output_asked(made, output, overwrite)
         if picture is not None:
             picture_kind(picture)
         if movie is not None:

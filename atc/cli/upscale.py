@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..errors import AtcError
-from .common import Json
+from .common import Json, option
 
 group = typer.Typer(
     name="upscale",
@@ -20,16 +20,9 @@ group = typer.Typer(
 )
 
 Folder = Annotated[
-    Path,
-    typer.Option(
-        "-o",
-        "--output",
-        metavar="OUTDIR",
-        help="Directory for report.html, pictures, numbers.json and runs as .nc.",
-        show_default=False,
-    ),
+    Path, option("-o --output OUTDIR", "Directory for report.html, pictures, numbers.json and runs as .nc.")
 ]
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing.")]
+Quiet = Annotated[bool, option("-q --quiet", "Print nothing.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -65,15 +58,12 @@ def springs(output: Folder, quiet: Quiet = False) -> None:
 @group.command()
 def lj(
     output: Folder,
-    half_width: Annotated[float, typer.Option("--half-width", metavar="W", help="Of the initial bump.")] = 100.0,
-    amplitude: Annotated[float, typer.Option("--amplitude", metavar="A", help="Of the initial bump.")] = 2.0,
-    dt: Annotated[float, typer.Option("--dt", metavar="T", help="Time step.")] = 0.1,
-    duration: Annotated[float, typer.Option("--duration", metavar="T", help="Length of the runs.")] = 300.0,
+    half_width: Annotated[float, option("--half-width W", "Of the initial bump.")] = 100.0,
+    amplitude: Annotated[float, option("--amplitude A", "Of the initial bump.")] = 2.0,
+    dt: Annotated[float, option("--dt T", "Time step.")] = 0.1,
+    duration: Annotated[float, option("--duration T", "Length of the runs.")] = 300.0,
     beyond_spinodal: Annotated[
-        str,
-        typer.Option(
-            "--beyond-spinodal", metavar="refuse|allow", help="Lennard-Jones bonds stretched until they soften."
-        ),
+        str, option("--beyond-spinodal refuse|allow", "Lennard-Jones bonds stretched until they soften.")
     ] = "refuse",
     quiet: Quiet = False,
 ) -> None:
@@ -96,26 +86,12 @@ def lj(
 
 @group.command()
 def series(
-    order: Annotated[
-        int, typer.Option("--order", metavar="M", help="Number of terms; the last derivative is twice that.")
-    ] = 4,
+    order: Annotated[int, option("--order M", "Number of terms; the last derivative is twice that.")] = 4,
     neighbors: Annotated[
-        str,
-        typer.Option(
-            "--neighbors",
-            metavar="N|exact|leading",
-            help="A number; polynomials in N; or large N, which is peridynamics.",
-        ),
+        str, option("--neighbors N|exact|leading", "A number; polynomials in N; or large N, which is peridynamics.")
     ] = "exact",
-    inner: Annotated[
-        int | None,
-        typer.Option(
-            "--inner", metavar="DEGREE", help="The inner expansion of this odd degree instead.", show_default=False
-        ),
-    ] = None,
-    lennard_jones: Annotated[
-        bool, typer.Option("--lj", help="The Lennard-Jones chain (eq. 5.2) instead of springs.")
-    ] = False,
+    inner: Annotated[int | None, option("--inner DEGREE", "The inner expansion of this odd degree instead.")] = None,
+    lennard_jones: Annotated[bool, option("--lj", "The Lennard-Jones chain (eq. 5.2) instead of springs.")] = False,
     json: Json = False,
 ) -> None:
     """Higher-order gradient series and dispersion series in exact rationals, and what each truncation is good for."""
@@ -182,57 +158,26 @@ def series(
 
 @group.command()
 def chain(
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="OUT",
-            help="The run as .nc or .zarr; a picture goes beside it.",
-            show_default=False,
-        ),
-    ],
-    model: Annotated[
-        str, typer.Option("--model", metavar="NAME", help="springs, lj, or pd (peridynamics with --horizon).")
-    ] = "springs",
-    spacing: Annotated[float, typer.Option("--spacing", metavar="DX", help="Distance of the nodes.")] = 0.25,
-    neighbors: Annotated[int, typer.Option("--neighbors", metavar="M", help="On either side (springs, lj).")] = 20,
-    horizon: Annotated[
-        float | None,
-        typer.Option("--horizon", metavar="D", help="For pd: a multiple of the spacing.", show_default=False),
-    ] = None,
+    output: Annotated[Path, option("-o --output OUT", "The run as .nc or .zarr; a picture goes beside it.")],
+    model: Annotated[str, option("--model NAME", "springs, lj, or pd (peridynamics with --horizon).")] = "springs",
+    spacing: Annotated[float, option("--spacing DX", "Distance of the nodes.")] = 0.25,
+    neighbors: Annotated[int, option("--neighbors M", "On either side (springs, lj).")] = 20,
+    horizon: Annotated[float | None, option("--horizon D", "For pd: a multiple of the spacing.")] = None,
     coarse: Annotated[
-        str | None,
-        typer.Option(
-            "--coarse",
-            metavar="METHOD,FACTOR",
-            help="Coarsen the springs first: band,2 or moments-4,2 (horizon kept).",
-            show_default=False,
-        ),
+        str | None, option("--coarse METHOD,FACTOR", "Coarsen the springs first: band,2 or moments-4,2 (horizon kept).")
     ] = None,
-    length: Annotated[float, typer.Option("--length", metavar="L", help="Of the chain.")] = 1000.0,
-    initial: Annotated[
-        str, typer.Option("--initial", metavar="SHAPE", help="bump or square, in the middle, at rest.")
-    ] = "bump",
-    half_width: Annotated[float, typer.Option("--half-width", metavar="W", help="Of the initial shape.")] = 10.0,
-    amplitude: Annotated[float, typer.Option("--amplitude", metavar="A", help="Of the initial shape.")] = 1.0,
-    duration: Annotated[float, typer.Option("--duration", metavar="T", help="Length of the run.")] = 300.0,
+    length: Annotated[float, option("--length L", "Of the chain.")] = 1000.0,
+    initial: Annotated[str, option("--initial SHAPE", "bump or square, in the middle, at rest.")] = "bump",
+    half_width: Annotated[float, option("--half-width W", "Of the initial shape.")] = 10.0,
+    amplitude: Annotated[float, option("--amplitude A", "Of the initial shape.")] = 1.0,
+    duration: Annotated[float, option("--duration T", "Length of the run.")] = 300.0,
     dt: Annotated[
-        float | None,
-        typer.Option(
-            "--dt",
-            metavar="T",
-            help="Time step; default: eq. 4.13 with 0.85, for lj 0.1 of the stable one.",
-            show_default=False,
-        ),
+        float | None, option("--dt T", "Time step; default: eq. 4.13 with 0.85, for lj 0.1 of the stable one.")
     ] = None,
-    boundary: Annotated[str, typer.Option("--boundary", metavar="NAME", help="periodic or clamped.")] = "clamped",
-    rows: Annotated[int, typer.Option("--rows", metavar="N", help="Recorded times, about.")] = 300,
+    boundary: Annotated[str, option("--boundary NAME", "periodic or clamped.")] = "clamped",
+    rows: Annotated[int, option("--rows N", "Recorded times, about.")] = 300,
     beyond_spinodal: Annotated[
-        str,
-        typer.Option(
-            "--beyond-spinodal", metavar="refuse|allow", help="Lennard-Jones bonds stretched until they soften."
-        ),
+        str, option("--beyond-spinodal refuse|allow", "Lennard-Jones bonds stretched until they soften.")
     ] = "refuse",
     quiet: Quiet = False,
 ) -> None:

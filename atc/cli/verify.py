@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Jobs, Json, SceneFile, Set, Silent, Step, console, load_scene
+from .common import Begin, End, Jobs, Json, SceneFile, Set, Silent, Step, console, load_scene, option
 
 
 def register(app) -> None:
@@ -22,12 +22,10 @@ def register(app) -> None:
         jobs: Jobs = 1,
         frames: Annotated[
             str | None,
-            typer.Option(
-                "--frames",
-                metavar="LIST",
-                help="Which of the scene's frames: 0,10,-1, a slice 0:100:20, or all; default: the first, the middle "
+            option(
+                "--frames LIST",
+                "Which of the scene's frames: 0,10,-1, a slice 0:100:20, or all; default: the first, the middle "
                 "and the last.",
-                show_default=False,
             ),
         ] = None,
         json: Json = False,

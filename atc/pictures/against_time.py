@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import AtcError
 from .components import component as one_of
 from .drawing import STYLE, colours, figure, kernel_title, label_of, titled
-from .geometry import grid_dims, points_of_grid, rank, unit_text
+from .geometry import grid_dims, points_of_grid, rank, with_unit
 
 
 def time_figure(ds, panels, limits=None, robust=None, dimension=3):
@@ -20,7 +20,6 @@ def time_figure(ds, panels, limits=None, robust=None, dimension=3):
     AtcError for maps and volumes, and for outputs of one entry
     """
     import matplotlib as mpl
-    from matplotlib.figure import Figure
 
     dims = grid_dims(panels[0][1])
     if len(dims) != 1 or dims[0] in ("point", "atom"):
@@ -41,18 +40,16 @@ def time_figure(ds, panels, limits=None, robust=None, dimension=3):
     right = np.concatenate([edges[0][:1], 0.5 * (edges[0][1:] + edges[0][:-1]), edges[0][-1:]])
     upward = np.broadcast_to(edges[1][:, None], right.shape)
     with mpl.rc_context(STYLE):
-        fig, axs = figure(Figure, len(panels), 4.4 if len(panels) == 1 else 3.4, 3.4 if len(panels) == 1 else 2.9)
-        for ax, (name, da, comp) in zip(axs.flat, panels, strict=False):
-            v = da.values if comp is None else one_of(da.values, comp, dimension, rank=rank(da))
+        fig, axs = figure(len(panels), 4.4 if len(panels) == 1 else 3.4, 3.4 if len(panels) == 1 else 2.9)
+        for ax, (name, da, comp) in zip(axs, panels):
+            v = one_of(da.values, comp, dimension, rank=rank(da))
             cmap, low, high, extend = colours(name, comp, v, limits, robust)
             drawn = ax.pcolormesh(
                 right, upward, np.ma.masked_invalid(v), cmap=cmap, vmin=low, vmax=high, shading="flat", rasterized=True
             )
             ax.set(xlim=(right.min(), right.max()), ylim=(upward.min(), upward.max()), xlabel=along, ylabel=label)
-            ax.set_title(label_of(da, comp, da.attrs.get("units", "")))
+            ax.set_title(label_of(da, comp))
             fig.colorbar(drawn, ax=ax, extend=extend, pad=0.02).outline.set_linewidth(0.6)
-        for ax in list(axs.flat)[len(panels) :]:
-            ax.remove()
         names = ", ".join(dict.fromkeys(str(da.attrs.get("long_name", name)) for name, da, _ in panels))
         title = ", ".join(t for t in (names[:1].upper() + names[1:], kernel_title(ds), upwards) if t)
         titled(fig, title)
@@ -69,8 +66,7 @@ def _times(ds):
         t = np.asarray(ds.coords[name].values, dtype=float)
         known = np.isfinite(t).all() and not (name == "step" and (t < 0).any())
         if known and (np.diff(t) > 0).all():
-            unit = unit_text(ds.coords[name].attrs.get("units", ""))
-            return t, f"{label} ({unit})" if unit else label, text
+            return t, with_unit(label, ds.coords[name].attrs.get("units")), text
     return np.arange(ds.sizes["frame"], dtype=float), "frame", text
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import AtcError
 from .components import SYMBOL, component
 from .drawing import STYLE, colours, draw_map, figure, titled
-from .geometry import PROFILES, cut, unit_text
+from .geometry import PROFILES, cut, with_unit
 from .symbols import symbol
 
 
@@ -16,18 +16,15 @@ def compare_figure(result):
     """The picture of a `Comparison`: profiles of both stresses and their difference, or the trend over several
     results."""
     import matplotlib as mpl
-    from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
-        if "radius" in result.data.dims or "output" in result.data.dims:
-            return _trend(Figure, result)
-        return _against(Figure, result)
+        several = "radius" in result.data.dims or "output" in result.data.dims
+        return (_trend if several else _against)(result)
 
 
-def _trend(Figure, result):
+def _trend(result):
     dim = "radius" if "radius" in result.data.dims else "output"
-    fig, axs = figure(Figure, 1, 5.2, 3.4)
-    ax = axs[0, 0]
+    fig, (ax,) = figure(1, 5.2, 3.4)
     x = result.data[dim].values
     at = x if dim == "radius" else np.arange(len(x))
     styles = {"rms": ("-", "o"), "max": ("--", "s")}
@@ -45,11 +42,7 @@ def _trend(Figure, result):
                     label=f"{SYMBOL[c]}, {how}",
                 )
     if dim == "radius":
-        ax.set_xlabel(
-            f"kernel radius ({unit_text(result.attrs['radius_units'])})"
-            if result.attrs.get("radius_units")
-            else "kernel radius"
-        )
+        ax.set_xlabel(with_unit("kernel radius", result.attrs.get("radius_units")))
         ax.set_xlim(0, at.max() * 1.05)
     else:
         ax.set_xticks(at, [str(v).split(",")[0] for v in x], rotation=20, ha="right")
@@ -61,7 +54,7 @@ def _trend(Figure, result):
     return fig
 
 
-def _against(Figure, result):
+def _against(result):
     """Box averages, for each axis the profiles of Hardy (full lines), smoothed virial (dashed) and of the run's own
     stress/atom (dotted), and maps of both stresses and their difference in one scale."""
     data, place = result.data, result.place
@@ -92,12 +85,11 @@ def _against(Figure, result):
     columns = max(3, sum(c == maps[0][1] for _, c in maps)) if maps else 3
     curves = bool(boxes) + len(axes)
     blank = -curves % columns if maps else 0
-    fig, axs = figure(Figure, panels + blank, 3.9, 2.9, columns)
-    axs = list(axs.flat)
+    fig, axs = figure(panels + blank, 3.9, 2.9, columns)
     for ax in axs[curves : curves + blank]:
         ax.remove()
     axs = axs[:curves] + axs[curves + blank :]
-    units = f" ({unit_text(result.units)})" if unit_text(result.units) else ""
+    units = with_unit("", result.units)
     if boxes:
         ax = axs.pop(0)
         at = np.arange(len(boxes))
@@ -154,8 +146,6 @@ def _against(Figure, result):
         if w == "difference":
             second.append(f"largest {np.nanmax(np.abs(shown[w, c])):.2g}")
         draw_map(fig, axs.pop(0), place, place.flat(), shown[w, c], *painted, "\n".join([title, ", ".join(second)]))
-    for ax in axs:
-        ax.remove()
     if axes:
         own = f", dotted: {result.attrs['column']} of the run" if "column" in result.attrs else ""
         said = f"profiles: full Hardy, dashed smoothed virial{own}"

@@ -20,8 +20,8 @@ def names(rank: int, dimension: int = 3) -> list[str]:
     return [c for c in every if dimension == 3 or c == "magnitude" or "z" not in c]
 
 
-def component(values, name: str, dimension: int = 3, rank: int | None = None):
-    """One scalar of a tensor (..., 3, 3) or vector (..., 3) field, as an array (...).
+def component(values, name: str | None, dimension: int = 3, rank: int | None = None):
+    """One scalar of a tensor (..., 3, 3) or vector (..., 3) field, as an array (...); the field itself for None.
 
     Tensors: ``xx`` … ``zz``; ``hydrostatic`` = tr σ/d (tension positive; d the `dimension`), ``pressure`` its negative,
     ``vonmises`` = √(3/2 s:s) of the symmetric part's deviator s, ``max_shear`` = (σ₁ − σ₃)/2, ``principal1`` ≥
@@ -29,6 +29,8 @@ def component(values, name: str, dimension: int = 3, rank: int | None = None):
     from the shape, by which vectors at three points are taken for a tensor.
     """
     values = np.asarray(values)
+    if name is None:
+        return values
     tensor = values.ndim >= 2 and values.shape[-2:] == (3, 3) if rank is None else rank == 2
     if tensor and name in TENSOR:
         return values[..., "xyz".index(name[0]), "xyz".index(name[1])]

@@ -38,17 +38,21 @@ def at_frame(ds, name, frame):
     if "frame" not in da.dims:
         return da, ""
     n = da.sizes["frame"]
-    if frame == "mean":
-        if n == 1:
-            return da.isel(frame=0), _frame_text(ds, 0)
+    if frame == "mean" and n > 1:
         return da.mean("frame", skipna=True, keep_attrs=True), f"mean of {n} frames"
     try:
-        k = int(frame)
+        k = require_frame(ds, 0 if frame == "mean" else int(frame))
     except ValueError:
         raise AtcError(f"frame {frame!r}: expected a number counted from 0 (-1 is the last), mean or all") from None
+    return da.isel(frame=k), _frame_text(ds, k)
+
+
+def require_frame(ds, k: int) -> int:
+    """The number of an entry of an output, counted from its end if negative; AtcError if there is none."""
+    n = ds.sizes.get("frame", 1)
     if not -n <= k < n:
         raise AtcError(f"frame {k}: the output has {n} frame{'s' * (n != 1)}, numbered 0 to {n - 1}")
-    return da.isel(frame=k), _frame_text(ds, k)
+    return k
 
 
 def _frame_text(ds, k) -> str:
@@ -63,10 +67,10 @@ def _frame_text(ds, k) -> str:
     return text
 
 
-def label_of(da, comp, units) -> str:
+def label_of(da, comp) -> str:
     """Name, component and unit of a variable, for an axis."""
     axes = tuple(str(v) for v in da.coords["i"].values) if "i" in da.coords and "i" in da.dims else ()
-    return label(str(da.name), comp, unit_text(units), () if axes == ("x", "y", "z") else axes)
+    return label(str(da.name), comp, unit_text(da.attrs.get("units", "")), () if axes == ("x", "y", "z") else axes)
 
 
 def kernel_title(ds, unit=unit_text) -> str:
@@ -135,15 +139,19 @@ def wrapped(fig, text: str, size: float) -> str:
     return textwrap.fill(text, max(20, int(fig.get_size_inches()[0] * 72 / (0.56 * size))))
 
 
-def figure(Figure, n, width, height, columns=3):
-    """A figure with axes for n panels, and these axes."""
+def figure(n, width, height, columns=3):
+    """A figure, drawn without a display, with axes for n panels, and a list of these axes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
     columns = min(n, 2 if n in (2, 4) and columns > 1 else columns)
     rows = -(-n // columns)
     fig = Figure(figsize=(width * columns, height * rows + 0.3), layout="constrained")
     FigureCanvasAgg(fig)
-    return fig, fig.subplots(rows, columns, squeeze=False)
+    axes = list(fig.subplots(rows, columns, squeeze=False).flat)
+    for ax in axes[n:]:
+        ax.remove()
+    return fig, axes[:n]
 
 
 def draw_map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
@@ -152,18 +160,9 @@ def draw_map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
     lo, hi = flat.reshape(-1, 2).min(0), flat.reshape(-1, 2).max(0)
     wide = hi[1] - lo[1] < 0.45 * (hi[0] - lo[0])
     if place.kind == "plane":
-        drawn = ax.pcolormesh(
-            flat[..., 0],
-            flat[..., 1],
-            np.ma.masked_invalid(v),
-            cmap=cmap,
-            vmin=low,
-            vmax=high,
-            rasterized=True,
-            shading="flat",
-        )
-        ax.set_xlim(lo[0], hi[0])
-        ax.set_ylim(lo[1], hi[1])
+        how = {"cmap": cmap, "vmin": low, "vmax": high, "rasterized": True, "shading": "flat"}
+        drawn = ax.pcolormesh(flat[..., 0], flat[..., 1], np.ma.masked_invalid(v), **how)
+        ax.set(xlim=(lo[0], hi[0]), ylim=(lo[1], hi[1]))
     else:
         good = np.isfinite(v)
         order = np.argsort(np.where(good, np.abs(v), -1), kind="stable")  # the largest on top
@@ -173,10 +172,7 @@ def draw_map(fig, ax, place, drawn_as, v, cmap, low, high, extend, title):
         drawn = ax.scatter(*flat[order].T, s=size, c=v[order], cmap=cmap, vmin=low, vmax=high, rasterized=len(v) > 5000)
         drawn.set(edgecolor="0.3", linewidth=0.2)
         ax.margins(0.03)
-    ax.set_aspect("equal")
-    ax.set_xlabel(labels[0])
-    ax.set_ylabel(labels[1])
-    ax.set_title(title)
+    ax.set(aspect="equal", xlabel=labels[0], ylabel=labels[1], title=title)
     # as high as the map, whose height follows from its aspect
     where = {"ax": ax, "location": "bottom", "shrink": 0.8, "aspect": 40} if wide else {
         "cax": ax.inset_axes([1.03, 0.0, 0.045, 1.0])}  # fmt: skip

@@ -36,6 +36,12 @@ def unit_text(units: str) -> str:
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", text)
 
 
+def with_unit(text: str, units: str | None) -> str:
+    """A label with its unit as drawn behind it, if it has one."""
+    unit = unit_text(units or "")
+    return f"{text} ({unit})" if unit else text
+
+
 def rank(da) -> int:
     """0 for scalars, 1 for vectors, 2 for tensors."""
     return sum(d in ("i", "j") for d in da.dims)
@@ -106,7 +112,7 @@ class Places:
         """The points in two dimensions: for a plane the (n+1, m+1, 2) corners of its tiles, else (n, 2) points; labels,
         basis (3, 3) and origin."""
         x = self.x_gc.reshape(-1, 3)
-        unit = f" ({unit_text(self.unit)})" if unit_text(self.unit) else ""
+        unit = with_unit("", self.unit)
         if self.kind != "plane":
             extent = np.ptp(x, axis=0)
             u, v = sorted(np.argsort(-extent, kind="stable")[:2])
@@ -143,7 +149,7 @@ class Places:
         x = self.x_gc[index]
         step = self.steps[k]
         length = np.linalg.norm(step)
-        unit = f" ({unit_text(self.unit)})" if unit_text(self.unit) else ""
+        unit = with_unit("", self.unit)
         along = [c for c in range(3) if length > 0 and abs(abs(step[c]) - length) <= 1e-9 * length]
         if along or length == 0:
             c = along[0] if along else 0

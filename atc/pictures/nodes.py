@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
-from .geometry import rank, unit_text
+from .geometry import rank, with_unit
 
 
 def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, frame=-1, limits=None, robust=None,
@@ -29,7 +29,6 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     matplotlib.figure.Figure
     """
     import matplotlib as mpl
-    from matplotlib.figure import Figure
 
     from .components import component as scalar
     from .drawing import STYLE, at_frame, colours, figure, label_of, titled
@@ -52,19 +51,12 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
             else [[None], ["magnitude"], ["vonmises"]][order]
         )
         for c in comps:
-            values = da.values[which]
-            values = values if c is None else scalar(values, c)
-            scaled = values
-            if one_scale:
-                scaled = ds[q].isel(node=which).values
-                scaled = scaled if c is None else scalar(scaled, c)
+            values = scalar(da.values[which], c)
+            scaled = scalar(ds[q].isel(node=which).values, c) if one_scale else values
             panels.append((da, c, values, scaled))
-    u = (
-        ds["displacement"].isel(frame=0 if frame == "mean" else int(frame)).values[which]
-        if "displacement" in ds
-        else 0.0
-    )
-    x = X[which] + u
+    x = X[which]
+    if "displacement" in ds:
+        x = x + ds["displacement"].isel(frame=0 if frame == "mean" else int(frame)).values[which]
     across = [k for k in range(3) if k != view]
     # Seen from the positive end of the axis: what is nearer is drawn last.
     nearer = np.argsort(x[:, view], kind="stable")
@@ -73,29 +65,18 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     span = hi - lo + 2 * pad
     width = 5.2 if len(panels) == 1 else 4.0
     with mpl.rc_context(STYLE):
-        fig, axes = figure(Figure, len(panels), width, max(1.3, (width - 1.3) * min(span[1] / span[0], 2.5)) + 0.7)
-        for ax, (da, c, values, scaled) in zip(axes.flat, panels):
+        fig, axes = figure(len(panels), width, max(1.3, (width - 1.3) * min(span[1] / span[0], 2.5)) + 0.7)
+        for ax, (da, c, values, scaled) in zip(axes, panels):
             cmap, low, high, extend = colours(da.name, c, scaled, limits, robust)
             if da.name == "damage" and limits is None:
-                cmap, low, high, extend = (
-                    mpl.colormaps["inferno_r"],
-                    0.0,
-                    max(1e-12, float(scaled.max(initial=0.0))),
-                    "neither",
-                )
+                cmap, low, high = mpl.colormaps["inferno_r"], 0.0, max(1e-12, float(scaled.max(initial=0.0)))
+                extend = "neither"
             ax.set(xlim=(lo[0] - pad, hi[0] + pad), ylim=(lo[1] - pad, hi[1] + pad), aspect="equal")
             ax.set_facecolor("0.96")
             art = _squares(ax, x[nearer][:, across], values[nearer], spacing, cmap, low, high)
-            fig.colorbar(
-                art,
-                cax=ax.inset_axes([1.03, 0.0, 0.045, 1.0]),
-                extend=extend,
-                label=label_of(da, c, da.attrs.get("units", "")),
-            )
-            labels = [f"{'xyz'[k]} ({unit_text(unit)})" if unit else "xyz"[k] for k in across]
-            ax.set(xlabel=labels[0], ylabel=labels[1])
-        for ax in list(axes.flat)[len(panels) :]:
-            ax.remove()
+            said = label_of(da, c)
+            fig.colorbar(art, cax=ax.inset_axes([1.03, 0.0, 0.045, 1.0]), extend=extend, label=said)
+            ax.set(**{axis: with_unit("xyz"[k], unit) for axis, k in zip(("xlabel", "ylabel"), across)})
         titled(fig, ", ".join(t for t in (str(ds.attrs.get("materials", "")).upper(), when) if t))
     return fig
 

@@ -78,26 +78,15 @@ def plot(
     AtcError : for a field, component, frame or plane that is not there
     """
     import matplotlib as mpl
-    from matplotlib.figure import Figure
 
-    ds = of_species(load(ds), species)
-    ds = ds if units is None else in_units(ds, units)
+    ds = in_units(of_species(load(ds), species), units)
     if "equation" in ds.attrs and "x" in ds.dims:
         raise AtcError("this is an output of atc advect, whose picture was written beside it (the same name, .png)")
     if ds.attrs.get("kind") == "peridynamics":
         from .nodes import plot_nodes
 
-        return plot_nodes(
-            ds,
-            quantity,
-            component=component,
-            slice=slice,
-            axis=axis,
-            frame=frame,
-            limits=limits,
-            robust=robust,
-            one_scale=one_scale,
-        )
+        how = {"limits": limits, "robust": robust, "one_scale": one_scale}
+        return plot_nodes(ds, quantity, component=component, slice=slice, axis=axis, frame=frame, **how)
     axes = tuple(str(ds.attrs.get("axes", "")).split())
     if axes:
         ds = over_angles(ds)
@@ -139,21 +128,22 @@ def plot(
         raise AtcError("arrows, streamlines and principal stresses are drawn over maps, not over profiles")
     with mpl.rc_context(STYLE):
         if place.kind in PROFILES:
-            return _profiles(Figure, ds, panels, place, title, limits, frame, dimension, one_scale)
-        values = []
-        for _, da, c in panels:
-            v = da.isel(selection).values
-            values.append(v if c is None else components.component(v, c, dimension, rank=rank(da)))
+            return _profiles(ds, panels, place, title, limits, frame, dimension, one_scale)
+        values = [_values(da.isel(selection), c, dimension) for _, da, c in panels]
         over = Overlays(ds, place, selection, frame, dimension, arrows, streamlines, principal, one_scale)
         scaled = [_all_frames(ds, n, c, selection, dimension) for n, _, c in panels] if one_scale else values
-        return _maps(Figure, panels, values, place, title, limits, robust, atoms, over, scaled)
+        return _maps(panels, values, place, title, limits, robust, atoms, over, scaled)
+
+
+def _values(da, comp, dimension):
+    return components.component(da.values, comp, dimension, rank=rank(da))
 
 
 def _all_frames(ds, name, comp, selection, dimension):
     """The values of one panel in every frame."""
     da = ds[name]
     da = da.transpose(*(d for d in ("frame",) if d in da.dims), *grid_dims(da), ...).isel(selection)
-    return da.values if comp is None else components.component(da.values, comp, dimension, rank=rank(da))
+    return _values(da, comp, dimension)
 
 
 def through(ds, da) -> str | None:
@@ -210,14 +200,8 @@ def _scalars(da, wanted, dimension=3) -> list[str | None]:
     if wanted in (None, "all"):
         if order == 1:
             return components.names(1, dimension)
-        symmetric = np.allclose(
-            da.values,
-            np.swapaxes(da.values, -1, -2),
-            rtol=1e-9,
-            atol=1e-12 * float(np.nanmax(np.abs(da.values), initial=0)),
-            equal_nan=True,
-        )
-        if symmetric:
+        v, size = da.values, float(np.nanmax(np.abs(da.values), initial=0))
+        if np.allclose(v, np.swapaxes(v, -1, -2), rtol=1e-9, atol=1e-12 * size, equal_nan=True):
             return components.names(2, dimension)
         return [a + b for a in "xyz"[:dimension] for b in "xyz"[:dimension]]
     return [w.strip() for w in wanted.split(",")]
@@ -234,22 +218,22 @@ def _panel_size(flat, panels):
     return width, (width - 1.15) * aspect + 0.75, 3
 
 
-def _maps(Figure, panels, values, place, title, limits, robust, atoms, over=None, scaled=None):
+def _maps(panels, values, place, title, limits, robust, atoms, over=None, scaled=None):
     """Maps, one panel each. scaled : the values that scales are made for, if not those drawn"""
     scaled = values if scaled is None else scaled
     drawn_as = place.flat()
     flat, _, basis, origin = drawn_as
     width, height, columns = _panel_size(flat, len(panels))
-    fig, axs = figure(Figure, len(panels), width, height, columns)
+    fig, axs = figure(len(panels), width, height, columns)
     largest: dict[str, float] = {}
     for (name, _, _), v in zip(panels, scaled):
         usual = (
             np.nanpercentile(np.abs(v), 98) if robust is not False and singular(v) else np.nanmax(np.abs(v), initial=0)
         )
         largest[name] = max(largest.get(name, 0.0), float(usual))
-    for ax, (name, da, comp), v, s in zip(axs.flat, panels, values, scaled):
+    for ax, (name, da, comp), v, s in zip(axs, panels, values, scaled):
         painted = colours(name, comp, s, limits, robust, 1e-3 * largest[name])
-        draw_map(fig, ax, place, drawn_as, v, *painted, label_of(da, comp, da.attrs.get("units", "")))
+        draw_map(fig, ax, place, drawn_as, v, *painted, label_of(da, comp))
         if over is not None:
             over.draw(ax, drawn_as)
         if atoms is not None and len(atoms):
@@ -258,41 +242,32 @@ def _maps(Figure, panels, values, place, title, limits, robust, atoms, over=None
             ax.scatter(
                 *(atoms[near] @ basis[:2].T).T, s=size, facecolors="w", edgecolors="k", linewidths=0.4, alpha=0.8
             )
-    for ax in list(axs.flat)[len(panels) :]:
-        ax.remove()
     legend(fig, any(not np.isfinite(v).all() for v in values), over)
     titled(fig, title)
     return fig
 
 
-def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3, one_scale=False):
+def _profiles(ds, panels, place, title, limits, frame, dimension=3, one_scale=False):
     """Curves along the one dimension, one panel a field, with the standard error as a band where the output has one."""
     groups: dict[str, list] = {}
     for name, da, comp in panels:
         groups.setdefault(name, []).append((da, comp))
-    fig, axs = figure(Figure, len(groups), 5.0, 3.1)
+    fig, axs = figure(len(groups), 5.0, 3.1)
     axes = tuple(str(ds.attrs.get("axes", "")).split())
     s, label = place.abscissa()
-    for ax, (name, members) in zip(axs.flat, groups.items()):
+    for ax, (name, members) in zip(axs, groups.items()):
         error, banded = _stderr(ds, name, frame), False
         for da, comp in members:
-            v = da.values if comp is None else components.component(da.values, comp, dimension, rank=rank(da))
-            (line,) = ax.plot(
-                s,
-                v,
-                label=None if comp is None else symbol(name, comp, axes) or comp,
-                marker="o" if len(s) == 1 else None,
-            )
+            v = _values(da, comp, dimension)
+            called = None if comp is None else symbol(name, comp, axes) or comp
+            (line,) = ax.plot(s, v, label=called, marker="o" if len(s) == 1 else None)
             # the error of an invariant is not the invariant of the errors
             if error is not None and (comp is None or comp in TENSOR or comp in ("x", "y", "z")):
-                e = error.transpose(*da.dims).values
-                e = e if comp is None else components.component(e, comp, dimension, rank=rank(da))
+                e = _values(error.transpose(*da.dims), comp, dimension)
                 ax.fill_between(s, v - e, v + e, color=line.get_color(), alpha=0.25, linewidth=0)
                 banded = True
         ax.set_xlabel(label)
-        ax.set_ylabel(
-            label_of(members[0][0], None if len(members) > 1 else members[0][1], members[0][0].attrs.get("units", ""))
-        )
+        ax.set_ylabel(label_of(members[0][0], None if len(members) > 1 else members[0][1]))
         if len(s) > 1:
             ax.set_xlim(s[0], s[-1])
         if one_scale:
@@ -313,8 +288,6 @@ def _profiles(Figure, ds, panels, place, title, limits, frame, dimension=3, one_
         if len(members) > 1 or banded:
             ax.legend(handles, labels, ncols=1 if len(members) < 4 else 2)
         ax.spines[["top", "right"]].set_visible(False)
-    for ax in list(axs.flat)[len(groups) :]:
-        ax.remove()
     titled(fig, title)
     return fig
 
@@ -338,19 +311,13 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
     `overlay`: a trajectory whose atoms are drawn on the map, at the frame shown.
     """
     path = Path(path)
-    ds = of_species(load(path), options.pop("species", None))
-    units = options.pop("units", None)
-    ds = ds if units is None else in_units(ds, units)
+    ds = in_units(of_species(load(path), options.pop("species", None)), options.pop("units", None))
     atoms = None if overlay is None else _atoms(overlay, ds, frame)
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:
         nodes = ds.attrs.get("kind") == "peridynamics"
-        words = [
-            path.stem,
-            "t" if frame == "all" else None,
-            quantity or ("damage" if nodes else pick(ds, None)),
-            options.get("component"),
-        ]
+        drawn = quantity or ("damage" if nodes else pick(ds, None))
+        words = [path.stem, "t" if frame == "all" else None, drawn, options.get("component")]
         output = path.with_name("-".join(w.replace(",", "-") for w in words if w) + ".png")
     return save(fig, output)
 
@@ -358,23 +325,12 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
 def movie_file(path, movie, quantity=None, *, rate=RATE, overlay=None, **options) -> Path:
     """`plot` of every frame of an output file as a movie (.gif, .mp4) with one scale, `rate` frames a second."""
     movie = movie_path(movie)
-    ds = of_species(load(path), options.pop("species", None))
-    units = options.pop("units", None)
-    ds = ds if units is None else in_units(ds, units)
+    ds = in_units(of_species(load(path), options.pop("species", None)), options.pop("units", None))
     n = ds.sizes.get("frame", 1)
     if n < 2:
         raise AtcError(f"{path}: it has one frame, which makes no movie: compute more (average = false, or a window)")
-    figures = (
-        plot(
-            ds,
-            quantity,
-            frame=k,
-            one_scale=True,
-            atoms=None if overlay is None else _atoms(overlay, ds, k),
-            **options,
-        )
-        for k in range(n)
-    )
+    atoms = lambda k: None if overlay is None else _atoms(overlay, ds, k)  # noqa: E731
+    figures = (plot(ds, quantity, frame=k, one_scale=True, atoms=atoms(k), **options) for k in range(n))
     return write_movie(movie, figures, rate)
 
 

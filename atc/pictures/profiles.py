@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .drawing import STYLE, figure, titled
-from .geometry import unit_text
+from .geometry import with_unit
 
 
 def profiles_figure(curves, title: str):
@@ -14,31 +14,19 @@ def profiles_figure(curves, title: str):
     curves : [(name, {label: xarray.DataArray})], arrays of one field on the same points
     """
     import matplotlib as mpl
-    from matplotlib.figure import Figure
 
     panels = [(name, arrays, d) for name, arrays in curves for d in _axes(next(iter(arrays.values())))]
     with mpl.rc_context(STYLE):
-        fig, axs = figure(Figure, len(panels), 3.6, 2.8)
-        axs = list(axs.flat)
-        for (_, arrays, dim), ax in zip(panels, axs, strict=False):
+        fig, axs = figure(len(panels), 3.6, 2.8)
+        for (_, arrays, dim), ax in zip(panels, axs):
             for k, (label, da) in enumerate(arrays.items()):
                 x = da[dim].values if dim in da.coords else np.arange(da.sizes[dim])
                 y = da.mean([d for d in da.dims if d != dim]).values
-                ax.plot(
-                    x,
-                    y,
-                    color=f"C{k}",
-                    ls="-" if k == 0 else (0, (4, 2)),
-                    marker="o" if len(x) < 3 else "",
-                    label=label,
-                )
-            unit = unit_text(da[dim].attrs.get("units", "")) if dim in da.coords else ""
-            ax.set_xlabel(f"{dim} ({unit})" if unit else dim)
-            unit = unit_text(da.attrs.get("units", ""))
-            ax.set_ylabel(f"{da.attrs.get('long_name', '')} ({unit})" if unit else da.attrs.get("long_name", ""))
+                line, marker = "-" if k == 0 else (0, (4, 2)), "o" if len(x) < 3 else ""
+                ax.plot(x, y, color=f"C{k}", ls=line, marker=marker, label=label)
+            ax.set_xlabel(with_unit(dim, da[dim].attrs.get("units") if dim in da.coords else ""))
+            ax.set_ylabel(with_unit(da.attrs.get("long_name", ""), da.attrs.get("units")))
             ax.spines[["top", "right"]].set_visible(False)
-        for ax in axs[len(panels) :]:
-            ax.remove()
         axs[0].legend()
         titled(fig, title)
     return fig

@@ -54,10 +54,8 @@ def _largest(data, name, index) -> tuple[float, float]:
 def drawn(data, title, components=None, limits=None):
     """The figure of `picture`. limits : of the colours, (both sides, difference) of each component; default: their
     own."""
-    from matplotlib.figure import Figure
-
     from .drawing import colours, draw_map, figure, titled
-    from .geometry import cut, points_of_grid, unit_text
+    from .geometry import cut, points_of_grid, with_unit
 
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
@@ -66,22 +64,22 @@ def drawn(data, title, components=None, limits=None):
     selection, where = {}, ""
     if place.kind == "volume":
         place, selection, where = cut(place)
-    fig, axs = figure(Figure, 3 * len(components), 4.2, 3.7, columns=3)
-    axs = axs.reshape(-1, 3)
-    for row, (name, index, label), bound in zip(axs, components, limits or [None] * len(components)):
+    fig, axs = figure(3 * len(components), 4.2, 3.7, columns=3)
+    rows, limits = np.reshape(axs, (-1, 3)), limits or [None] * len(components)
+    for row, (name, index, label), bound in zip(rows, components, limits):
         values = []
         for side in ("md", "pd"):
             v = data[f"{side}_{name}"].mean("frame").isel(selection).values[(..., *index)]
             density = data[f"{side}_density"].mean("frame").isel(selection).values
             values.append(np.where(density >= 0.5 * float(data["bulk_density"]), v, np.nan))
         values.append(values[1] - values[0])
-        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
+        units = data[f"md_{name}"].attrs.get("units")
         both = np.abs(np.stack(values[:2]))
         top = bound[0] if bound else np.nanmax(both) if np.isfinite(both).any() else 1.0
         for ax, v, side in zip(row, values, ("MD", "PD", "PD - MD")):
             span = (-top, top) if side != "PD - MD" else (-bound[1], bound[1]) if bound else None
             draw = colours("", "xx", v, span, False)
-            draw_map(fig, ax, place, place.flat(), v, *draw, f"{side}, {label}" + (f" ({units})" if units else ""))
+            draw_map(fig, ax, place, place.flat(), v, *draw, with_unit(f"{side}, {label}", units))
     titled(fig, "; ".join(t for t in (title, where) if t))
     return fig
 
@@ -89,18 +87,16 @@ def drawn(data, title, components=None, limits=None):
 def profiles(data, components=None):
     """Figure of both sides along an axis of the grid: means over the frames and, in matter, over the cross-section; the
     MD's with its standard error. Of a displacement the axis is its own, of other fields the longest of the others."""
-    from matplotlib.figure import Figure
-
     from .drawing import figure
-    from .geometry import points_of_grid, unit_text
+    from .geometry import points_of_grid, with_unit
 
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
     if place.kind not in ("volume", "plane", "line"):
         raise AtcError(f"profiles need a regular, plane or line grid, this is one of kind {place.kind}")
     matter = _matter(data)
-    fig, axs = figure(Figure, len(components), 4.2, 3.2)
-    for ax, (name, index, label) in zip(axs.flat, components):
+    fig, axs = figure(len(components), 4.2, 3.2)
+    for ax, (name, index, label) in zip(axs, components):
         along = _axis(place, components[0][1][0], name == "displacement")
         s, text = place.abscissa(along)
         for side, style in (("md", "k.-"), ("pd", "C3-")):
@@ -112,9 +108,7 @@ def profiles(data, components=None):
             if side == "md" and len(mean) > 1:
                 error = mean.std(axis=0, ddof=1) / len(mean) ** 0.5
                 ax.fill_between(s, mean.mean(0) - error, mean.mean(0) + error, color="0.8", lw=0)
-        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
-        ax.set_xlabel(text)
-        ax.set_ylabel(label + (f" ({units})" if units else ""))
+        ax.set(xlabel=text, ylabel=with_unit(label, data[f"md_{name}"].attrs.get("units")))
         ax.spines[["top", "right"]].set_visible(False)
         ax.legend()
     return fig
@@ -125,11 +119,8 @@ def _axis(place, c, itself) -> int:
     steps = np.array([s / max(np.linalg.norm(s), 1e-300) for s in place.steps])
     own = int(np.argmax(np.abs(steps[:, c])))
     lengths = [np.linalg.norm(s) * n for s, n in zip(place.steps, place.x_gc.shape)]
-    return (
-        own
-        if itself or len(lengths) == 1
-        else max((k for k in range(len(lengths)) if k != own), key=lengths.__getitem__)
-    )
+    others = [k for k in range(len(lengths)) if k != own]
+    return own if itself or not others else max(others, key=lengths.__getitem__)
 
 
 #: What has a value a frame and is drawn over time: name without md_ and pd_, index, label.
@@ -144,25 +135,20 @@ _HISTORIES = (
 def histories(data):
     """Figure of what has one value a frame: the mean stress, damage and the crack, of both sides over time; None where
     there is one frame."""
-    from matplotlib.figure import Figure
-
     from .drawing import figure
-    from .geometry import unit_text
+    from .geometry import with_unit
 
     if data.sizes["frame"] < 2:
         return None
     t, text = np.arange(data.sizes["frame"]), "frame"
     if "time" in data.coords and np.isfinite(data["time"].values).all():
-        unit = unit_text(str(data["time"].attrs.get("units", "")))
-        t, text = data["time"].values, "time" + (f" ({unit})" if unit else "")
+        t, text = data["time"].values, with_unit("time", str(data["time"].attrs.get("units", "")))
     shown = [h for h in _HISTORIES if f"md_{h[0]}" in data and f"pd_{h[0]}" in data]
-    fig, axs = figure(Figure, len(shown), 3.9, 2.8)
-    for ax, (name, index, label) in zip(axs.flat, shown):
+    fig, axs = figure(len(shown), 3.9, 2.8)
+    for ax, (name, index, label) in zip(axs, shown):
         for side, style in (("md", "k.-"), ("pd", "C3-")):
             ax.plot(t, data[f"{side}_{name}"].values[(..., *index)], style, label=side.upper(), lw=1.0, ms=3)
-        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
-        ax.set_xlabel(text)
-        ax.set_ylabel(label + (f" ({units})" if units not in ("", "1") else ""))
+        ax.set(xlabel=text, ylabel=with_unit(label, data[f"md_{name}"].attrs.get("units")))
         ax.spines[["top", "right"]].set_visible(False)
         ax.legend()
     return fig

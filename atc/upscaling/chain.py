@@ -153,12 +153,8 @@ class Springs:
         k = np.linspace(0, math.pi / self.spacing, 16 * self.neighbors + 2)
         squared = self.frequency_squared(k)
         best, step = int(np.argmax(squared)), k[1]
-        around = minimize_scalar(
-            lambda p: -float(self.frequency_squared(p)),
-            bounds=(k[best] - step, k[best] + step),
-            method="bounded",
-            options={"xatol": 1e-12},
-        )
+        how = {"bounds": (k[best] - step, k[best] + step), "method": "bounded", "options": {"xatol": 1e-12}}
+        around = minimize_scalar(lambda p: -float(self.frequency_squared(p)), **how)
         return math.sqrt(max(float(squared[best]), -around.fun))
 
     @property
@@ -180,21 +176,14 @@ class Springs:
         """½ Δx Σ_bonds w_q (u_{i+q} − u_i)², an energy (× cross-section)."""
         from ._chain_kernels import springs_energy
 
-        return (
-            springs_energy(np.ascontiguousarray(u_n, dtype=float), self.weights, check_boundary(boundary) == "periodic")
-            * self.spacing
-        )
+        u_n, periodic = np.ascontiguousarray(u_n, dtype=float), check_boundary(boundary) == "periodic"
+        return springs_energy(u_n, self.weights, periodic) * self.spacing
 
     def acceleration(self, u_n, boundary: str = "periodic") -> np.ndarray:
         """ü of all nodes for the displacements `u_n`."""
-        from ._chain_kernels import pad, springs_force
+        from ._chain_kernels import springs_force
 
-        u_n = np.ascontiguousarray(u_n, dtype=float)
-        M, n = self.neighbors, len(u_n)
-        need_nodes(n, M, boundary)
-        padded, out = np.zeros(n + 2 * M), np.empty(n)
-        padded[M : M + n] = u_n
-        pad(padded, M, boundary == "periodic")
+        padded, out = _padded(u_n, self.neighbors, boundary)
         springs_force(padded, self.weights / self.density, out)
         return out
 
@@ -298,14 +287,11 @@ class LennardJones:
 
     def acceleration(self, u_n, boundary: str = "periodic") -> np.ndarray:
         """ü of all nodes for the displacements `u_n`."""
-        from ._chain_kernels import lj_force, pad
+        from ._chain_kernels import lj_force
 
-        u_n = np.ascontiguousarray(u_n, dtype=float)
-        M, n = self.neighbors, len(u_n)
-        need_nodes(n, M, boundary)
-        padded, out, work = np.zeros(n + 2 * M), np.empty(n), np.empty(n + M)
-        padded[M : M + n] = u_n
-        pad(padded, M, boundary == "periodic")
+        M = self.neighbors
+        padded, out = _padded(u_n, M, boundary)
+        work = np.empty(len(out) + M)
         lj_force(padded, self.spacing, M, *self.coefficients, 1 / self.density, out, work)
         return out
 
@@ -315,6 +301,19 @@ def need_nodes(n: int, M: int, boundary: str) -> None:
     check_boundary(boundary)
     if n < 2 * M + 1:
         raise AtcError(f"a chain of {n} nodes with {M} neighbours on either side: expected at least {2 * M + 1} nodes")
+
+
+def _padded(u_n, M: int, boundary: str) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements with M nodes more on either side, as the kernels take them, and an empty array for forces."""
+    from ._chain_kernels import pad
+
+    u_n = np.ascontiguousarray(u_n, dtype=float)
+    n = len(u_n)
+    need_nodes(n, M, boundary)
+    padded = np.zeros(n + 2 * M)
+    padded[M : M + n] = u_n
+    pad(padded, M, boundary == "periodic")
+    return padded, np.empty(n)
 
 
 # --------------------------------------------------------------------------------------------------------------------

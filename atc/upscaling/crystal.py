@@ -96,9 +96,8 @@ class Crystal:
             raise AtcError(f"{structure}: expected 1 mass or {len(basis)}, got {len(masses)}")
         masses = np.broadcast_to(masses, (len(basis),))
         if types is None:
-            types = (
-                np.arange(1, len(basis) + 1) if len(basis) == 2 and masses[0] != masses[1] else np.ones(len(basis), int)
-            )
+            two = len(basis) == 2 and masses[0] != masses[1]
+            types = np.arange(1, 3) if two else np.ones(len(basis), int)
         names = {}
         if symbols is not None:
             symbols = [symbols] * len(basis) if isinstance(symbols, str) else list(symbols)
@@ -134,16 +133,9 @@ class Crystal:
         if not frame.cell.periodic.all():
             raise AtcError(f"{frame.source}: a crystal is periodic along all axes")
         frame.require("masses", why="the dynamics of a crystal")
-        return cls(
-            frame.cell.vectors,
-            frame.positions - frame.cell.origin,
-            frame.masses,
-            frame.units,
-            frame.types,
-            conventional,
-            name or frame.source,
-            dict(frame.type_names),
-        )
+        x, name = frame.positions - frame.cell.origin, name or frame.source
+        what = frame.masses, frame.units, frame.types, conventional, name, dict(frame.type_names)
+        return cls(frame.cell.vectors, x, *what)
 
     @classmethod
     def from_ase(cls, atoms, conventional=None) -> Crystal:
@@ -384,9 +376,8 @@ def relax(crystal: Crystal, model, pressure: float = 0.0, *, tolerance: float = 
             iso[6:, 1:] = np.eye(3 * n)
             step = iso @ np.linalg.lstsq(iso.T @ full @ iso, iso.T @ residual, rcond=1e-9)[0]
         else:
-            step = np.linalg.lstsq(full, residual, rcond=1e-9)[
-                0
-            ]  # rigid translations of the basis cost nothing: the shortest step
+            # Rigid translations of the basis cost nothing: the shortest step.
+            step = np.linalg.lstsq(full, residual, rcond=1e-9)[0]
         strain, u = step[:6], step[6:].reshape(n, 3)
         largest = max(np.abs(strain).max(), np.abs(u).max() / size)
         scale = min(1.0, 0.03 / largest) if largest > 0 else 1.0

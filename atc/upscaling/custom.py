@@ -38,11 +38,8 @@ def run_chain(
     if model not in ("springs", "lj", "pd"):
         raise AtcError(f"--model {model}: expected springs, lj or pd")
     if (horizon is not None) != (model == "pd"):
-        raise AtcError(
-            "--horizon goes with --model pd, which needs it"
-            if horizon is None
-            else f"--horizon goes with --model pd; {model} has --neighbors"
-        )
+        why = ", which needs it" if horizon is None else f"; {model} has --neighbors"
+        raise AtcError(f"--horizon goes with --model pd{why}")
     if model == "lj":
         chain = LennardJones(spacing, neighbors)
     elif model == "pd":
@@ -73,15 +70,8 @@ def run_chain(
     steps = count_steps(duration, dt)
     if steps < 1:
         raise AtcError(f"--duration {duration:g} is shorter than one time step, {dt:g}")
-    run = verlet(
-        chain,
-        u0,
-        dt=dt,
-        steps=steps,
-        every=max(1, -(-steps // whole("rows", rows))),
-        boundary=boundary,
-        beyond_spinodal=beyond_spinodal,
-    )
+    every = max(1, -(-steps // whole("rows", rows)))
+    run = verlet(chain, u0, dt=dt, steps=steps, every=every, boundary=boundary, beyond_spinodal=beyond_spinodal)
     write_dataset(run.dataset(), output)
     return run, _picture(run, output.with_suffix(".png"))
 
@@ -110,10 +100,8 @@ def _picture(run, path):
     with matplotlib.rc_context(STYLE):
         fig = Figure(figsize=(10, 4), layout="constrained")
         left, middle, right = fig.subplots(1, 3, width_ratios=[1.3, 1.3, 0.9])
-        fig.colorbar(
-            draw_density(left, run.x_n, run.t_t, run.density_tn, f"{run.model.name}: density over density at rest"),
-            ax=left,
-        )
+        title = f"{run.model.name}: density over density at rest"
+        fig.colorbar(draw_density(left, run.x_n, run.t_t, run.density_tn, title), ax=left)
         for t in np.linspace(0, run.t_t[-1], 4):
             middle.plot(run.x_n, run.at(t), label=f"t = {t:.4g}")
         middle.set(title="displacement", xlabel="reference position")

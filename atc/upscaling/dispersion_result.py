@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..terminal import tell
 from .crystal import Crystal
 from .elasticity import GPA, ElasticConstants
 from .force_constants import ForceConstants, frequency_unit
@@ -190,12 +191,7 @@ class Dispersion:
         return out
 
     def print(self, console) -> None:
-        for key, text in self.rows():
-            console.print(f"{key:<18}  {text}", soft_wrap=True)
-        for line in self.tables():
-            console.print(line, soft_wrap=True)
-        for note in self.notes:
-            console.print(f"note: {note}", soft_wrap=True)
+        tell(console, [*(f"{key:<18}  {text}" for key, text in self.rows()), *self.tables()], self.notes)
 
     def json(self) -> str:
         """Everything as JSON: frequencies in THz (1/tau in reduced units), lengths in the user's unit, elastic
@@ -454,9 +450,7 @@ class Dispersion:
         """Draw `figure` into a file; returns the path."""
         from ..pictures.drawing import save
 
-        path = Path(path)
-        save(self.figure(), path)
-        return path
+        return save(self.figure(), path)
 
 
 def _number(x) -> str:

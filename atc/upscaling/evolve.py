@@ -15,6 +15,9 @@ from .chain import LJ_SPINODAL, LennardJones, Springs, check_boundary, need_node
 _FFT_FROM = 100
 
 
+_DENSITY, _POTENTIAL = "density over density at rest", "potential energy, zero at rest"
+
+
 @dataclass(frozen=True)
 class History:
     """What `verlet` returns: the recorded steps of one run.
@@ -70,10 +73,7 @@ class History:
         model = self.model
         attrs = {
             "model": model.name,
-            "spacing": model.spacing,
-            "neighbors": model.neighbors,
-            "density": model.density,
-            "modulus": model.modulus,
+            **{key: getattr(model, key) for key in ("spacing", "neighbors", "density", "modulus")},
             "boundary": self.boundary,
             "time_step": self.dt,
             "integrator": "velocity Verlet",
@@ -84,17 +84,9 @@ class History:
             {
                 "displacement": (("time", "x"), self.u_tn, {"units": "length", "long_name": "displacement"}),
                 "velocity": (("time", "x"), self.v_tn, {"units": "length/time", "long_name": "velocity"}),
-                "relative_density": (
-                    ("time", "x"),
-                    self.density_tn,
-                    {"units": "1", "long_name": "density over density at rest"},
-                ),
+                "relative_density": (("time", "x"), self.density_tn, {"units": "1", "long_name": _DENSITY}),
                 "kinetic_energy": ("time", self.kinetic_t, {"units": "energy", "long_name": "kinetic energy"}),
-                "potential_energy": (
-                    "time",
-                    self.potential_t,
-                    {"units": "energy", "long_name": "potential energy, zero at rest"},
-                ),
+                "potential_energy": ("time", self.potential_t, {"units": "energy", "long_name": _POTENTIAL}),
             },
             {
                 "time": ("time", self.t_t, {"units": "time"}),
@@ -198,22 +190,10 @@ def verlet(
         u_tn[row], v_tn[row] = u[M : M + n], v
         kinetic[row] = 0.5 * model.density * model.spacing * float(v @ v)
         # A quadratic energy from the force at hand: −½ Σ u F, clamped nodes outside included (they are at 0).
-        potential[row] = (
-            -0.5 * model.density * model.spacing * float(u_tn[row] @ a)
-            if linear
-            else model.potential_energy(u_tn[row], boundary)
-        )
-    return History(
-        model,
-        boundary,
-        dt,
-        np.arange(n) * model.spacing,
-        dt * np.array(marks, dtype=float),
-        u_tn,
-        v_tn,
-        kinetic,
-        potential,
-    )
+        half = -0.5 * model.density * model.spacing
+        potential[row] = half * float(u_tn[row] @ a) if linear else model.potential_energy(u_tn[row], boundary)
+    x_n, t_t = np.arange(n) * model.spacing, dt * np.array(marks, dtype=float)
+    return History(model, boundary, dt, x_n, t_t, u_tn, v_tn, kinetic, potential)
 
 
 def _springs_stepper(model, n, dt, periodic):
@@ -272,13 +252,10 @@ def _lj_stepper(model, n, dt, periodic, highest):
         atom, F = (ilo, lo) if not lo > 0 else (ihi, hi)
         where = f"{when} the bond between nodes {atom} and {atom + 1} (x = {atom * dx:g}) has stretch {F:.4g}"
         if not lo > 0:
+            smaller = "or wider" if when == "at the start" else "time step or a smaller"
             raise AtcError(
-                f"{where}: neighbours have changed places, which no Lennard-Jones bond allows; "
-                + (
-                    "take a smaller or wider initial displacement"
-                    if when == "at the start"
-                    else "take a smaller time step or a smaller initial displacement"
-                )
+                f"{where}: neighbours have changed places, which no Lennard-Jones bond allows; take a smaller "
+                f"{smaller} initial displacement"
             )
         raise AtcError(
             f"{where}, beyond the spinodal {LJ_SPINODAL:.4f} where bonds lose stiffness: the chain breaks there; take "

@@ -58,7 +58,7 @@ def _series(report: Report) -> None:
         "rationals; the three levels the paper prints."
     )
     report.table(
-        ["factor", "derivatives", "divided by", "coefficient"],
+        "factor | derivatives | divided by | coefficient",
         [_term(k, ours[k]) for k in sorted(ours, key=lambda k: (-k[0], k[1], len(k[2])))],
     )
     same_ways = all(pair_series((d + 1) // 2) == inner_pair_series(d) for d in (1, 3, 5, 7))
@@ -70,7 +70,7 @@ def _series(report: Report) -> None:
         YES if ours == theirs and same_ways else NO,
     )
     ratios = {n: (float(zeta(n, 10) / zeta(n, 12)), float(zeta(n, 4) / zeta(n, 6))) for n in (1, 2, 4, 8, 64)}
-    report.table(["N", "Z(10)/Z(12)", "Z(4)/Z(6)"], [[n, *v] for n, v in ratios.items()])
+    report.table("N | Z(10)/Z(12) | Z(4)/Z(6)", [[n, *v] for n, v in ratios.items()])
     report.claim(
         "§5.1",
         "The length scale is the spacing, not the horizon.",
@@ -88,17 +88,10 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
     every = max(1, steps // 300)
     cases = {"MD: 1,001 atoms, N = 4": (1.0, 4), "PD: 501 nodes, M = 2": (2.0, 2), "PD: 251 nodes, M = 1": (4.0, 1)}
 
-    def run(spacing, M, dt=dt, steps=steps, every=every):
-        x = np.arange(round(LENGTH / spacing) + 1) * spacing
-        return verlet(
-            LennardJones(spacing, M),
-            bump(x, half_width=half_width, amplitude=amplitude),
-            dt=dt,
-            steps=steps,
-            every=every,
-            boundary="clamped",
-            beyond_spinodal=beyond_spinodal,
-        )
+    def run(spacing, M, dt=dt, steps=steps, every=every, **named):
+        u0 = bump(np.arange(round(LENGTH / spacing) + 1) * spacing, half_width=half_width, amplitude=amplitude)
+        how = {"boundary": "clamped", "beyond_spinodal": beyond_spinodal}
+        return verlet(LennardJones(spacing, M, **named), u0, dt=dt, steps=steps, every=every, **how)
 
     runs = {name: run(*case) for name, case in cases.items()}
     md, half, quarter = runs.values()
@@ -120,9 +113,8 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
         for ax, (title, r, z) in zip(axs, panels):
             image = draw_density(ax, r.x_n, r.t_t, r.density_tn, title, limits=(lo, hi), zoom=z)
         fig.colorbar(image, ax=list(axs[:5]), label="density over density at rest", shrink=0.6)
-        axs[5].plot(md.x_n, md.density_tn[-1], "-", label="Δx = a")
-        axs[5].plot(half.x_n, half.density_tn[-1], ".-", ms=3, label="Δx = 2a")
-        axs[5].plot(quarter.x_n, quarter.density_tn[-1], "s-", ms=3, label="Δx = 4a")
+        for r, style, label in ((md, "-", "Δx = a"), (half, ".-", "Δx = 2a"), (quarter, "s-", "Δx = 4a")):
+            axs[5].plot(r.x_n, r.density_tn[-1], style, ms=3, label=label)
         axs[5].set(xlim=zoom[:2], title=f"density at t = {md.t_t[-1]:g}", xlabel="reference position")
         axs[5].legend()
 
@@ -148,27 +140,13 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
     fine_dt = run(1.0, 4, dt / 2, 2 * steps, 2 * every)
     drift_half = float(np.abs(fine_dt.total_t / fine_dt.total_t[0] - 1).max())
     rows = [
-        [
-            n,
-            float(r.total_t[0]),
-            drift[n],
-            float(r.kinetic_t[-1]),
-            float(r.potential_t[-1]),
-            float(r.density_tn.max()),
-            float(r.density_tn.min()),
-        ]
+        [n, float(r.total_t[0]), drift[n], float(r.kinetic_t[-1]), float(r.potential_t[-1])]
+        + [float(r.density_tn.max()), float(r.density_tn.min())]
         for n, r in runs.items()
     ]
     report.table(
-        [
-            "run",
-            "energy",
-            "largest relative change of the total",
-            "kinetic at the end",
-            "potential at the end",
-            "largest density",
-            "smallest density",
-        ],
+        "run | energy | largest relative change of the total | "
+        "kinetic at the end | potential at the end | largest density | smallest density",
         rows,
     )
     report.claim(
@@ -190,15 +168,7 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
         YES,
     )
     # the very same model, built as peridynamics
-    twin = verlet(
-        LennardJones(1.0, 4, name="peridynamics"),
-        bump(md.x_n, half_width=half_width, amplitude=amplitude),
-        dt=dt,
-        steps=steps,
-        every=every,
-        boundary="clamped",
-        beyond_spinodal=beyond_spinodal,
-    )
+    twin = run(1.0, 4, name="peridynamics")
     report.claim(
         "Fig. 5.1(b, c)",
         "At the atoms' resolution peridynamics reproduces molecular dynamics.",
@@ -217,16 +187,8 @@ def _runs(report: Report, half_width, amplitude, dt, duration, beyond_spinodal) 
         YES,
     )
     report.numbers |= {
-        "parameters": {
-            "epsilon": 1 / 72,
-            "sigma": 2 ** (-1 / 6),
-            "density": 1,
-            "duration": duration,
-            "time_step": dt,
-            "half_width": half_width,
-            "amplitude": amplitude,
-            "boundary": "clamped",
-        },
+        "parameters": {"epsilon": 1 / 72, "sigma": 2 ** (-1 / 6), "density": 1, "duration": duration, "time_step": dt}
+        | {"half_width": half_width, "amplitude": amplitude, "boundary": "clamped"},
         "energy": {
             n: {"start": r[1], "largest_relative_change": r[2], "kinetic_end": r[3], "potential_end": r[4]}
             for n, r in zip(runs, rows)
@@ -247,20 +209,13 @@ def _hard(report: Report, dt) -> None:
         ("the same, fracture allowed", {"beyond_spinodal": "allow"}),
     ):
         try:
-            h = verlet(
-                LennardJones(1.0, 4),
-                bump(x, half_width=10.0, amplitude=2.0),
-                dt=dt,
-                steps=3000,
-                every=100,
-                boundary="clamped",
-                **kwargs,
-            )
+            u0 = bump(x, half_width=10.0, amplitude=2.0)
+            h = verlet(LennardJones(1.0, 4), u0, dt=dt, steps=3000, every=100, boundary="clamped", **kwargs)
             change = float(np.abs(h.total_t / h.total_t[0] - 1).max())
             messages[name] = f"ran; the total energy changes by {percent(change)}"
         except AtcError as e:
             messages[name] = str(e)
-    report.table(["initial displacement", "what happens"], [[k, v] for k, v in messages.items()])
+    report.table("initial displacement | what happens", [[k, v] for k, v in messages.items()])
     F = np.linspace(0.9, 1.4, 400)
     stress = LennardJones(1.0, 1).stress(F)
 
@@ -271,12 +226,8 @@ def _hard(report: Report, dt) -> None:
         ax.axhline(0, color="0.6", lw=0.8)
         ax.set(xlabel="stretch", ylabel="stress / modulus", ylim=(-0.2, 0.06), title=f"spinodal at {LJ_SPINODAL:.4f}")
 
-    report.figure(
-        "spinodal",
-        "Stress of a homogeneous stretch, the same for every M and Δx. Beyond its maximum the chain breaks.",
-        draw,
-        (5, 3.2),
-    )
+    caption = "Stress of a homogeneous stretch, the same for every M and Δx. Beyond its maximum the chain breaks."
+    report.figure("spinodal", caption, draw, (5, 3.2))
     report.claim(
         "§5.3",
         "The initial profile is that of section 4 with twice the amplitude.",

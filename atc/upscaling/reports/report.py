@@ -74,13 +74,14 @@ class Report:
     def text(self, text: str) -> None:
         self._body.append(f"<p>{html.escape(text)}</p>")
 
-    def table(self, head: list[str], rows: list[list], caption: str = "") -> None:
+    def table(self, head: str, rows: list[list], caption: str = "") -> None:
+        """Rows under heads, which ` | ` separates."""
         cells = "".join(
             "<tr>" + "".join(f"<td{_num(c)}>{html.escape(_show(c))}</td>" for c in row) + "</tr>" for row in rows
         )
         title = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
         self._body.append(
-            f"<figure><table><tr>{''.join(f'<th>{html.escape(h)}</th>' for h in head)}</tr>{cells}</table>"
+            f"<figure><table><tr>{''.join(f'<th>{html.escape(h)}</th>' for h in head.split(' | '))}</tr>{cells}</table>"
             f"{title}</figure>"
         )
 

@@ -49,14 +49,8 @@ def _run(model: Springs, rows: int | None = None, moments=(), boundary: str = "c
     steps = count_steps(DURATION, dt)
     every = 1 if rows is None else max(1, math.ceil(steps / rows))
     near = {s for t in moments for s in (math.floor(t / dt), math.floor(t / dt) + 1)}
-    return verlet(
-        model,
-        initial(_grid(model.spacing)),
-        dt=dt,
-        steps=steps,
-        every=sorted({*range(0, steps, every), *near}),
-        boundary=boundary,
-    )
+    marks = sorted({*range(0, steps, every), *near})
+    return verlet(model, initial(_grid(model.spacing)), dt=dt, steps=steps, every=marks, boundary=boundary)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -74,20 +68,15 @@ def _series(report: Report) -> None:
         "exact ones and nearest neighbours, L = Na = δ for the leading order and for peridynamics."
     )
     report.table(
-        [
-            "derivative",
-            "chain, exact in N (L = a)",
-            "chain, leading order (L = Na)",
-            "peridynamics (L = δ)",
-            "nearest neighbours (L = a)",
-        ],
+        "derivative | chain, exact in N (L = a) | chain, leading order (L = Na) | peridynamics (L = δ) | "
+        "nearest neighbours (L = a)",
         [
             [f"∂^{2 * m}", str(exact[m - 1]), str(leading[m - 1]), str(peridynamic[m - 1]), str(local[m - 1])]
             for m in range(1, order + 1)
         ],
     )
     report.table(
-        ["term of ω/(ck)", "chain, exact in N (kL = ka)", "peridynamics (kL = kδ)"],
+        "term of ω/(ck) | chain, exact in N (kL = ka) | peridynamics (kL = kδ)",
         [[f"(kL)^{2 * m}", str(w_exact[m]), str(w_peridynamic[m])] for m in range(order)],
     )
     rows = []
@@ -99,7 +88,7 @@ def _series(report: Report) -> None:
         ("inner expansion, degree 3, order-consistent: 1, 1/12", inner_series(3, consistent=True)),
     ):
         rows.append([name, ", ".join(map(str, series)), str(well_posedness(series))])
-    report.table(["truncation", "coefficients", "well-posedness"], rows)
+    report.table("truncation | coefficients | well-posedness", rows)
     report.numbers["series"] = {
         "chain_exact": list(map(str, exact)),
         "peridynamics": list(map(str, peridynamic)),
@@ -148,15 +137,8 @@ def _stability(report: Report) -> None:
     rows = []
     for M in counts:
         model = Springs.paper(horizon / M, M)
-        rows.append(
-            (
-                model.spacing,
-                M,
-                model.sufficient_time_step,
-                model.stable_time_step,
-                _observed_limit(model) if M <= 50 else math.nan,
-            )
-        )
+        observed = _observed_limit(model) if M <= 50 else math.nan
+        rows.append((model.spacing, M, model.sufficient_time_step, model.stable_time_step, observed))
     rows = np.array(rows)
     slack = rows[:, 3] / rows[:, 2] - 1
     observed = rows[:, 4] / rows[:, 2] - 1
@@ -176,7 +158,7 @@ def _stability(report: Report) -> None:
         "fig_4_2_stability", "Fig. 4.2: the largest stable time step against the spacing, horizon 5.", draw, (6, 4)
     )
     report.table(
-        ["Δx", "M", "(4.12)", "2/ω_max", "observed", "slack of (4.12)"],
+        "Δx | M | (4.12) | 2/ω_max | observed | slack of (4.12)",
         [
             [float(r[0]), int(r[1]), float(r[2]), float(r[3]), float(r[4]) if np.isfinite(r[4]) else "", percent(s)]
             for r, s in zip(rows, slack)
@@ -240,7 +222,12 @@ def _dispersion(report: Report) -> None:
     runs = {name: _run(m, None if m.spacing > 0.1 else 120, [PROFILE_TIME]) for name, m in models.items()}
     steps = {name: count_steps(DURATION, m.time_step()) for name, m in models.items()}
     cost = {name: len(runs[name].x_n) * models[name].neighbors * steps[name] for name in models}
-    ratio = cost["PD coarse"] / cost["MD"]
+    costs = {
+        name: {"nodes": len(runs[name].x_n), "neighbors": m.neighbors, "time_step": m.time_step()}
+        | {"steps": steps[name], "relative_cost": cost[name] / cost["MD"]}
+        for name, m in models.items()
+    }
+    ratio = costs["PD coarse"]["relative_cost"]
 
     report.heading("Molecular dynamics, peridynamics and the wave equation (Figs. 4.3, 4.4, Table 4.1)")
     letters = {"MD": "a", "CCM": "b", "PD fine": "c", "PD coarse": "d"}
@@ -248,14 +235,8 @@ def _dispersion(report: Report) -> None:
     def draw(fig):
         axs = fig.subplots(2, 2, sharex=True, sharey=True).ravel()
         for ax, (name, run) in zip(axs, runs.items()):
-            image = draw_density(
-                ax,
-                run.x_n,
-                run.t_t,
-                run.density_tn,
-                f"({letters[name]}) {name}: {len(run.x_n):,} nodes, N = {run.model.neighbors}",
-                limits=(0.85, 1.15),
-            )
+            title = f"({letters[name]}) {name}: {len(run.x_n):,} nodes, N = {run.model.neighbors}"
+            image = draw_density(ax, run.x_n, run.t_t, run.density_tn, title, limits=(0.85, 1.15))
         fig.colorbar(image, ax=list(axs), label="density over density at rest", shrink=0.6)
 
     report.figure("fig_4_3_density", "Fig. 4.3: density over space (across) and time (downwards).", draw, (10, 7))
@@ -279,18 +260,8 @@ def _dispersion(report: Report) -> None:
         draw_profiles,
     )
     report.table(
-        ["model", "nodes", "neighbours", "Δt", "steps", "relative cost"],
-        [
-            [
-                name,
-                len(runs[name].x_n),
-                models[name].neighbors,
-                models[name].time_step(),
-                steps[name],
-                cost[name] / cost["MD"],
-            ]
-            for name in models
-        ],
+        "model | nodes | neighbours | Δt | steps | relative cost",
+        [[name, *row.values()] for name, row in costs.items()],
         "Table 4.1 and its two companions. Cost: nodes × neighbours × steps.",
     )
     report.claim(
@@ -335,21 +306,13 @@ def _dispersion(report: Report) -> None:
         "coarse PD against MD": relative_error(profiles["PD coarse"][:-1], profiles["MD"][:-1][::2]),
         "CCM against MD": relative_error(profiles["CCM"][:-1][at_chain], profiles["MD"][:-1]),
     }
-    report.table(
-        ["profile at t = 150.05", "relative L2 error against the chain, exact in time"],
-        [[k, percent(v)] for k, v in errors.items()],
-    )
-    report.table(
-        ["as the paper ran them (Verlet, own Δt)", "relative L2 difference"],
-        [[k, percent(v)] for k, v in between.items()],
-    )
+    shares = lambda numbers: [[k, percent(v)] for k, v in numbers.items()]  # noqa: E731
+    report.table("profile at t = 150.05 | relative L2 error against the chain, exact in time", shares(errors))
+    report.table("as the paper ran them (Verlet, own Δt) | relative L2 difference", shares(between))
     cancelled = {
         name: 2 * (m.time_step() / m.spacing) ** 2 / (m.neighbors * (m.neighbors + 1)) for name, m in models.items()
     }
-    report.table(
-        ["model", "share of the leading dispersion that Verlet's own error cancels"],
-        [[k, percent(v)] for k, v in cancelled.items()],
-    )
+    report.table("model | share of the leading dispersion that Verlet's own error cancels", shares(cancelled))
     report.claim(
         "Figs. 4.3, 4.4",
         "Fine peridynamics with δ = 5 disperses as the chain does, the wave equation does not.",
@@ -400,7 +363,7 @@ def _dispersion(report: Report) -> None:
         for h in (4.0, 2.0, 1.0, 0.5, 0.25, 0.125, 0.0625)
     }
     order = math.log(limit[0.125] / limit[0.0625]) / math.log(2)
-    report.table(["horizon", "relative L2 distance from the wave equation"], [[h, v] for h, v in limit.items()])
+    report.table("horizon | relative L2 distance from the wave equation", [[h, v] for h, v in limit.items()])
     report.claim(
         "§4.1",
         "Peridynamics goes over into the wave equation as δ → 0.",
@@ -408,16 +371,7 @@ def _dispersion(report: Report) -> None:
         YES if abs(order - 2) < 0.1 else NO,
     )
     report.numbers |= {
-        "table_4_1": {
-            n: {
-                "nodes": len(runs[n].x_n),
-                "neighbors": models[n].neighbors,
-                "time_step": models[n].time_step(),
-                "steps": steps[n],
-                "relative_cost": cost[n] / cost["MD"],
-            }
-            for n in models
-        },
+        "table_4_1": costs,
         "profile_errors": errors,
         "profile_differences_verlet": between,
         "dispersion_cancelled_by_verlet": cancelled,
@@ -437,16 +391,11 @@ def _local_nonlocal(report: Report) -> None:
     def draw(fig):
         axs = fig.subplots(2, 2)
         for j, (M, run) in enumerate(runs.items()):
-            draw_density(
-                axs[0, j], run.x_n, run.t_t, run.density_tn, f"({'ab'[j]}) 1,001 atoms, N = {M}", limits=(0.85, 1.15)
-            )
+            title = f"({'ab'[j]}) 1,001 atoms, N = {M}"
+            draw_density(axs[0, j], run.x_n, run.t_t, run.density_tn, title, limits=(0.85, 1.15))
             axs[1, j].plot(run.x_n, run.at(t))
-            axs[1, j].set(
-                xlim=(300, 700),
-                xlabel="reference position",
-                title=f"({'cd'[j]}) t = {t}, N = {M}",
-                ylabel="displacement",
-            )
+            title = f"({'cd'[j]}) t = {t}, N = {M}"
+            axs[1, j].set(xlim=(300, 700), xlabel="reference position", title=title, ylabel="displacement")
 
     report.figure("fig_4_5_local", "Fig. 4.5: nearest neighbours and five neighbours.", draw, (10, 7))
     x = np.arange(1000.0)
@@ -503,16 +452,10 @@ def _square(report: Report) -> None:
             variation, over = float(np.abs(np.diff(u)).sum()), float(max(u.max() - 1, -u.min(), 0))
             rows.append([name, f"{frame * dt:.2f}", variation, over])
             numbers[f"{name} {frame * dt:.2f}"] = {"total_variation": variation, "overshoot": over}
-    report.table(["model", "t", "total variation of u", "overshoot beyond [0, 1]"], rows)
+    report.table("model | t | total variation of u | overshoot beyond [0, 1]", rows)
     table = _refined_pulse([frames[1] * dt, 10 * frames[1] * dt])
     report.table(
-        [
-            "t",
-            "Δx",
-            "jump between the nodes at the discontinuity",
-            "largest change at a node when Δx is halved",
-            "L2 change",
-        ],
+        "t | Δx | jump between the nodes at the discontinuity | largest change at a node when Δx is halved | L2 change",
         table,
         "The pulse with horizon 5, exact in time. Waves of wavenumber k have ω = (2/δ)√(K₁/ρ)√(ln kδ + γ) and hardly "
         "travel, so what is seen across a distance ε of the jump goes on turning as ε → 0.",
@@ -598,29 +541,10 @@ def _coarse(report: Report) -> None:
         "weights within reach allow, and is to be run with its step only."
     )
     report.table(
+        "weights | Δx | M | Δt | cost | error, exact in time | error, Verlet | worst ω error, k ≤ ½π/Δx | ω² ≥ 0",
         [
-            "weights",
-            "Δx",
-            "M",
-            "Δt",
-            "cost",
-            "error, exact in time",
-            "error, Verlet",
-            "worst ω error, k ≤ ½π/Δx",
-            "ω² ≥ 0",
-        ],
-        [
-            [
-                r.method,
-                r.spacing,
-                r.neighbors,
-                r.time_step,
-                r.cost,
-                f"{r.error:.2e}",
-                f"{r.error_verlet:.2e}",
-                f"{r.dispersion_error:.1e}",
-                r.stable,
-            ]
+            [r.method, r.spacing, r.neighbors, r.time_step, r.cost]
+            + [f"{r.error:.2e}", f"{r.error_verlet:.2e}", f"{r.dispersion_error:.1e}", r.stable]
             for r in rows
         ],
     )
@@ -647,12 +571,8 @@ def _coarse(report: Report) -> None:
         right.axvline(np.pi, color="0.7", lw=0.8)
         right.set(xlabel="k", ylabel="relative error of ω", ylim=(1e-9, 1), title="Δx = 2a, M = 10")
 
-    report.figure(
-        "coarse_models",
-        "Accuracy against cost (nodes × neighbours × steps), and the dispersion behind it.",
-        draw,
-        (12, 4),
-    )
+    caption = "Accuracy against cost (nodes × neighbours × steps), and the dispersion behind it."
+    report.figure("coarse_models", caption, draw, (12, 4))
     at = {(r.method, r.spacing): r for r in rows[:10]}
     best = min((r for r in rows if r.method == "band-in-time"), key=lambda r: r.error_verlet)
     report.text(
