@@ -85,9 +85,14 @@ def scene_for(files, model, target, topology=None, units=None, masses=None) -> t
             "",
         ]
     length = u.label("length")
+    if pot is not None and pot.fields:
+        # The modes of others go much further.
+        kernel = 'name = "gaussian"          # with long-range Coulomb much the quickest, and what atc check takes'
+    else:
+        kernel = 'name = "quartic"           # others: lucy, gaussian, hardy, ...'
     out += [
         "[kernel]",
-        'name = "quartic"           # others: lucy, gaussian, hardy, ...',
+        kernel,
         f"radius = {radius:g}".ljust(27) + f"# {length}; about {_IN_REACH} atoms: wider is smoother, narrower sharper",
         "",
         "[grid]",

@@ -320,6 +320,7 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
         strong_g = np.abs(exact_gk[:, : BOND[work.bond[0]].width]).max(1)
         left = PRECISIONS_LEFT * float(np.finfo(deposit.real).eps) * float(strong_g.max(initial=0.0))
     total_gk = deposit.bond_sums() + exact_gk if whole else sum(one.totals.bond[0] for one in each)
+    del deposit  # its meshes are large, and so are those of fields
     if settings.pot.fields:
         fields = fields or FieldPass(run.frames, run.drifts, settings, work, here)
         total_gk = total_gk + fields.grid_gk

@@ -48,6 +48,15 @@ def test_without_a_script_and_elsewhere(folder):
     assert run("plan", "scenes/a.toml").exit_code == 0
 
 
+def test_the_kernel_suits_long_range_coulomb(folder):
+    """Modes of kernels with kinks go several times as far."""
+    lines = LJ.replace("lj/cut 7.0", "lj/cut/coul/long 7.0").replace("run 0", "kspace_style pppm 1e-4")
+    (folder / "in.salt").write_text(lines)
+    assert run("init", "run.dump", "in.salt", "-o", "salt.toml").exit_code == 0
+    assert run("init", "run.dump", "in.run", "-o", "gas.toml").exit_code == 0
+    assert [Scene.load(f).get("kernel", "name") for f in ("salt.toml", "gas.toml")] == ["gaussian", "quartic"]
+
+
 def test_what_cannot_be_is_one_line(folder):
     for args in (["init", "nothing.dump", "in.run"], ["init", "run.dump", "-o", "a.txt"], ["init", "run.dump", "none"]):
         done = run(*args)

@@ -5,7 +5,7 @@ import pytest
 from lammps_oracle import Config, run_lammps
 
 import atc
-from atc.decomposers.long_range import ewald, stress
+from atc.decomposers.long_range import ewald, stress, transform
 from atc.decomposers.long_range.kspace import converged
 from atc.decomposers.long_range.split import Split
 from atc.decomposers.long_range.transform import Direct, Transform
@@ -81,6 +81,31 @@ def test_modes_by_the_spreading_window():
         fast = Transform(TRICLINIC, (1, 2, 3), (5, 6, 4), accuracy)
         assert np.abs(fast.modes(x, a) - F).max() < 10 * accuracy * np.abs(F).max()
         assert np.abs(fast.at(list(F), x) - back).max() < 10 * accuracy * np.abs(back).max()
+
+
+def test_large_meshes_are_taken_by_planes(monkeypatch):
+    """Of the mesh there are never more planes at a time than its parts have; sums stay what they are."""
+    rng = np.random.default_rng(1)
+    x, a = rng.uniform(-5, 15, (60, 3)), rng.normal(size=(60, 2))
+    x[0] = [1.0 - 1e-18, 2.0, 3.0]
+    direct = Direct(TRICLINIC, (1, 2, 3), (20, 3, 4))
+    F, frame = direct.modes(x, a), eight_ions()
+    term = ewald.LongRangeCoulomb(Split(0.35, 5.0, 14.4, 1e-13))
+    whole = stress.Products(term, frame, (3, 3, 4), 1e-6, 4)
+    for part in (1.0, 2.0**12):
+        monkeypatch.setattr(transform, "PART", part)
+        monkeypatch.setattr(stress, "PART", part)
+        fast = Transform(TRICLINIC, (1, 2, 3), (20, 3, 4), 1e-9)
+        assert len(fast._parts((x - [1, 2, 3]) @ fast.to_mesh)) > 1
+        assert np.abs(fast.modes(x, a) - F).max() < 1e-8 * np.abs(F).max()
+        back = direct.at(list(F), x)
+        assert np.abs(fast.at(list(F), x) - back).max() < 1e-8 * np.abs(back).max()
+        some = stress.Products(term, frame, (3, 3, 4), 1e-6, 4)
+        for got, want in (
+            (some.stress(), whole.stress()),
+            (some.current(frame.velocities), whole.current(frame.velocities)),
+        ):
+            assert np.abs(got - want).max() < 1e-12 * np.abs(want).max()
 
 
 @pytest.mark.parametrize("vectors", [np.diag([9.0, 10.0, 11.0]), TRICLINIC], ids=["orthogonal", "triclinic"])

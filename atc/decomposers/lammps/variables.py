@@ -365,4 +365,7 @@ class _Parser:
             return self.variables.number(v[2:], self.depth)
         if m := re.fullmatch(r"v_(\w+)\[(\d{1,9})\]", v):
             return self.variables.element(m[1], int(m[2]), self.depth)
-        raise Unknown(f"cannot evaluate {self.formula!r}: {v!r} is only known while LAMMPS runs")
+        raise Unknown(
+            f"cannot evaluate {self.formula!r}: {v!r} is only known while LAMMPS runs: write the number that it has "
+            "there"
+        )

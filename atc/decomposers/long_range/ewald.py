@@ -210,10 +210,7 @@ class Smooth:
             make = (lambda *a: Direct(*a[:3])) if direct else Transform
             transform = make(self.vectors, self.origin, largest, 0.1 * split.accuracy, threads)
         self.transform = transform
-        index = self.transform.index
-        self.k_c = wave_vectors(index, self.vectors)
-        self.k2 = sum(k * k for k in self.k_c)
-        self.V, self.slope = self.potentials()
+        self.k_c = wave_vectors(self.transform.index, self.vectors)
         self.q_n, self.x_nc = self.charges(frame), frame.positions
         self.rho = self.transform.modes(self.x_nc, self.q_n[:, None])[0]
         self.sheet = Sheet(self.q_n, self.x_nc[:, 2], split.constant, self.volume) if term.slab is not None else None
@@ -224,10 +221,20 @@ class Smooth:
 
     def potentials(self):
         """V and dV/dk² of every mode."""
+        k2 = self.k2
         with np.errstate(divide="ignore"):
-            inverse_k2 = np.where(self.k2 > 0, 1.0 / self.k2, 0.0)
-        V = 4 * pi * self.split.constant * inverse_k2 * np.exp(-self.split.s * self.k2)
+            inverse_k2 = np.where(k2 > 0, 1.0 / k2, 0.0)
+        V = 4 * pi * self.split.constant * inverse_k2 * np.exp(-self.split.s * k2)
         return V, -V * (self.split.s + inverse_k2)
+
+    # They are not kept: a frame is remembered by its charges' modes alone.
+    @property
+    def k2(self):
+        return sum(k * k for k in self.k_c)
+
+    @property
+    def V(self):
+        return self.potentials()[0]
 
     @property
     def own_n(self):
@@ -244,18 +251,20 @@ class Smooth:
         modes = float((twice(self.transform.index) * self.V * np.abs(self.rho) ** 2).sum()) / (2 * self.volume)
         return modes - float(self.own_n.sum()) + self.slab_energy
 
-    def _shape(self, a, b):
-        """V δ + 2 dV/dk² k⊗k, minus twice what a mode adds to the virial."""
-        out = 2.0 * self.slope * self.k_c[a] * self.k_c[b]
-        return out + self.V if a == b else out
+    def _shapes(self):
+        """V δ + 2 dV/dk² k⊗k, minus twice what a mode adds to the virial, of each of `_PAIRS`."""
+        V, slope = self.potentials()
+        for a, b in _PAIRS:
+            out = 2.0 * slope * self.k_c[a] * self.k_c[b]
+            yield out + V if a == b else out
 
     @property
     def virial_cc(self) -> np.ndarray:
         """Σ −r⊗F, tension positive: the strain derivative of the energy."""
         power = twice(self.transform.index) * np.abs(self.rho) ** 2
         out = np.empty((3, 3))
-        for a, b in _PAIRS:
-            out[a, b] = out[b, a] = -float((power * self._shape(a, b)).sum()) / (2 * self.volume)
+        for (a, b), shape in zip(_PAIRS, self._shapes()):
+            out[a, b] = out[b, a] = -float((power * shape).sum()) / (2 * self.volume)
         return out + self.slab_energy * np.diag([-1.0, -1.0, 1.0])
 
     def potential_n(self) -> np.ndarray:
@@ -271,7 +280,7 @@ class Smooth:
     def field_nc(self) -> np.ndarray:
         """E = −∇Φ at the charges, with the slab's."""
         F = self.V * self.rho / self.volume
-        out = self.transform.at([-1j * k * F for k in self.k_c], self.x_nc)
+        out = self.transform.at((-1j * k * F for k in self.k_c), self.x_nc)
         out[:, 2] += self.E0
         return out
 
@@ -281,7 +290,7 @@ class Smooth:
     def virials_n6(self) -> np.ndarray:
         """(n, 6) the atoms' shares of `virial_cc`: xx, yy, zz, yz, xz, xy."""
         F = self.rho / self.volume
-        out = -0.5 * self.q_n[:, None] * self.transform.at([self._shape(a, b) * F for a, b in _PAIRS], self.x_nc)
+        out = -0.5 * self.q_n[:, None] * self.transform.at((shape * F for shape in self._shapes()), self.x_nc)
         return out if self.sheet is None else out + self.sheet.virials_n6()
 
     def potential_rate_n(self, v_nc) -> np.ndarray:

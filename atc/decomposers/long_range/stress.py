@@ -116,39 +116,45 @@ class Products:
         """(n, q0, q1, q2) the modes of the n products that `form` makes of fields on the mesh, a few planes of it at a
         time: there is never a whole field on it.
 
-        fields : iterable of their modes. form : (f, planes, n1, n2) -> iterable of n (planes, n1, n2)
+        fields : iterable of (modes, what): "f" for the field, "g" for its gradient, "gf" for this and that
+        form : (f, planes, n1, n2), the fields in their order -> iterable of n (planes, n1, n2)
         """
         from scipy import fft
 
         n0, n1, n2 = (int(n) for n in self.counts)
-        index, q = self.index, self.q_index
-        G_f = []
-        for F in fields:
+        index, q, b = self.index, self.q_index, 2 * pi * np.linalg.inv(self.vectors)
+        number = index[0][:, None, None].astype(self.real)
+        # Wave vectors but for their share along the first axis, whose derivative there is a transform of its own.
+        across = [(b[c, 1] * index[1][:, None] + b[c, 2] * index[2]).astype(self.real) for c in range(3)]
+
+        def first(F):
             G = np.zeros((n0, *F.shape[1:]), self.complex)
             G[index[0]] = F
-            G_f.append(fft.ifft(G, axis=0, norm="forward", overwrite_x=True, workers=self.threads))
-            del F, G
+            return fft.ifft(G, axis=0, norm="forward", overwrite_x=True, workers=self.threads)
+
+        G_f = [(first(F), first(number * F) if "g" in what else None, what) for F, what in fields]
+        count = sum(3 * ("g" in what) + ("f" in what) for *_, what in G_f)
         out = np.empty((n, n0, len(q[1]), len(q[2])), self.complex)
-        step = max(1, int(PART / (np.dtype(self.complex).itemsize * len(G_f) * n1 * n2)))
-        for planes in (slice(k, k + step) for k in range(0, n0, step)):
-            H = np.zeros((len(G_f), len(G_f[0][planes]), n1, len(index[2])), self.complex)
-            for to, G in zip(H, G_f):
-                to[:, index[1]] = G[planes]
+        step = max(1, int(PART / (np.dtype(self.complex).itemsize * count * n1 * n2)))
+        for planes in (slice(k, min(k + step, n0)) for k in range(0, n0, step)):
+            H = np.zeros((count, planes.stop - planes.start, n1, len(index[2])), self.complex)
+            to = iter(H)
+            for G, slope, what in G_f:
+                for c in range(3 if "g" in what else 0):
+                    next(to)[:, index[1]] = 1j * (float(b[c, 0]) * slope[planes] + across[c] * G[planes])
+                if "f" in what:
+                    next(to)[:, index[1]] = G[planes]
             H = fft.ifft(H, axis=2, norm="forward", overwrite_x=True, workers=self.threads)
             f = fft.irfft(H, n=n2, axis=3, norm="forward", workers=self.threads)
             f /= self.volume
-            for to, part in zip(out, form(f)):
+            for found, part in zip(out, form(f)):
                 F = fft.rfft(part, axis=2, norm="forward", workers=self.threads)[:, :, q[2]]
-                to[planes] = fft.fft(F, axis=1, norm="forward", workers=self.threads)[:, q[1]]
+                found[planes] = fft.fft(F, axis=1, norm="forward", workers=self.threads)[:, q[1]]
         del G_f
         return fft.fft(out, axis=1, norm="forward", workers=self.threads)[:, q[0]].astype(complex) * self.volume
 
     def _smear(self, tau):
         return np.exp(-0.5 * self.s * tau * self.k2)
-
-    def _slope(self, F):
-        """Modes of the gradient."""
-        return (1j * k * F for k in self.k_c)
 
     def _gradient(self, F):
         return [self._real(1j * k * F) for k in self.k_c]
@@ -165,14 +171,13 @@ class Products:
                     part += trace
                 yield part
 
-        modes = self._products(self._slope(-self.potential * self._smear(1.0) * self.rho), maxwell, 6) / self.c
+        modes = self._products([(-self.potential * self._smear(1.0) * self.rho, "g")], maxwell, 6) / self.c
         for t, weight in self.rule:
-            rho, wide = self._smear(t) * self.rho, self._smear(2.0 - t) * self.rho
 
             def smeared(f):
-                E, slope = f[:3], f[3:6]
+                E, wide, slope, rho = f[:3], f[3], f[4:7], f[7]
                 # ∇·E = c ρ, but for the mean of ρ, which is 0.
-                trace = self.c * f[6] * f[7] + (E * slope).sum(0)
+                trace = self.c * rho * wide + (E * slope).sum(0)
                 for a, b in PAIRS:
                     part = E[a] * slope[b]
                     part += part if a == b else E[b] * slope[a]
@@ -180,7 +185,8 @@ class Products:
                         part -= trace
                     yield part
 
-            fields = chain(self._slope(-self.potential * wide), self._slope(rho), (rho, wide))
+            wide = self._smear(2.0 - t) * self.rho
+            fields = (-self.potential * wide, "g"), (wide, "f"), (self._smear(t) * self.rho, "gf")
             modes -= (0.5 * self.s * weight) * self._products(fields, smeared, 6)
         E0 = self.term.bare_field(self.frame)
         if E0:
@@ -228,10 +234,9 @@ class Products:
 
         def bracket(potential, W):
             """[∇potential, W], both by their modes."""
-            turn = (1j * (k[b] * W[d] - k[d] * W[b]) for b, d in ((1, 2), (2, 0), (0, 1)))
-            return self._products(
-                chain(self._slope(potential), turn, (sum(1j * q * w for q, w in zip(k, W)),)), curl, 3
-            )
+            turn = ((1j * (k[b] * W[d] - k[d] * W[b]), "f") for b, d in ((1, 2), (2, 0), (0, 1)))
+            div = sum(1j * q * w for q, w in zip(k, W))
+            return self._products(chain([(potential, "g")], turn, [(div, "f")]), curl, 3)
 
         def carried(f):
             """ρ_t J_{2−t} + ρ_{2−t} J_t."""
@@ -242,8 +247,11 @@ class Products:
         for t, weight in self.rule:
             near, wide = self._smear(t), self._smear(2.0 - t)
             part = bracket(near * self.rho, U * wide * J) + bracket(U * wide * self.rho, near * J)
-            both = (near * self.rho, wide * self.rho), (wide * j for j in J), (near * j for j in J)
-            part -= self.c * self._products(chain(*both), carried, 3)
+            both = (
+                (g * x, "f")
+                for g, x in chain(((near, self.rho), (wide, self.rho)), zip([wide] * 3 + [near] * 3, [*J, *J]))
+            )
+            part -= self.c * self._products(both, carried, 3)
             modes += (0.25 * self.s * weight) * part
         # Charges that all move alike: the mode of J that has no potential.
         Phi = (U * self._smear(2.0) * self.rho)[self._pick()]

@@ -31,8 +31,9 @@ def box_modes(largest):
 def wave_vectors(index, vectors):
     """Three arrays, the Cartesian components of the wave vectors, that broadcast to (k0, k1, k2)."""
     b = 2 * pi * np.linalg.inv(vectors)  # columns are the reciprocal vectors
-    n0, n1, n2 = index[0][:, None, None], index[1][None, :, None], index[2][None, None, :]
-    return [n0 * b[c, 0] + n1 * b[c, 1] + n2 * b[c, 2] for c in range(3)]
+    n = index[0][:, None, None], index[1][None, :, None], index[2][None, None, :]
+    # As small as they can be: along one axis only in orthogonal cells.
+    return [sum((n[a] * b[c, a] for a in range(3) if b[c, a]), np.zeros((1, 1, 1))) for c in range(3)]
 
 
 def twice(index):
