@@ -40,6 +40,7 @@ QUANTITIES = {
         "total force on the node: bonds, contact, indenters, walls, body forces",
         "positive along +x, +y, +z",
     ),
+    "temperature": (0, "temperature", "how far the temperature of the node has risen", "positive where hotter"),
     "stress": (
         2,
         "pressure",
@@ -184,7 +185,8 @@ class _Run:
         self.case, self.store, self.fields = case, store, fields
         self.steps = case.data["run"]["steps"]
         self.every = min(case.get("output", "every", max(1, self.steps // 20)), self.steps)
-        self.names = tuple(case.get("output", "quantities", DEFAULT))
+        warm = ("temperature",) if any("conductivity" in m for m in case.data["material"]) else ()
+        self.names = tuple(case.get("output", "quantities", DEFAULT + warm))
         self.file = store.partial / "restart.npz"
         vtk = case.path("output", "vtk")
         self.vtk = None if vtk is None else vtk
@@ -415,6 +417,8 @@ def node_values(sim, names) -> dict[str, np.ndarray]:
             out[name] = sim.damage()
         elif name == "energy":
             out[name] = sim.strain_energy_n()
+        elif name == "temperature":
+            out[name] = np.array(sim.temperature_n)
         elif name == "force":
             out[name] = np.array(sim.forces())
         elif name == "stress":
