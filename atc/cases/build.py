@@ -68,7 +68,11 @@ def simulation(case, threads: int = 0, state=None):
             X = body.X_nc[body.nodes(region)]
             given = {w: history(case, (section, str(k), w), t[w], X) for w in words if w in t}
             conditions.append(make(region, **given))
+    conditions += heat_conditions(case, body)
     options = {}
+    conducting = conduction(case, materials, names)
+    if conducting:
+        options["conduction"] = conducting
     if "strain" in case.data["body"]:
         options["strain"] = case.data["body"]["strain"]
     if "temperature" in case.data["body"]:
@@ -121,6 +125,52 @@ def simulation(case, threads: int = 0, state=None):
         # functions of it.
         sim.dt = float(run.get("dt", 1.0))
     return sim
+
+
+def conduction(case, materials, names) -> dict:
+    """{material: `pd.Conduction`} of the materials that are there; empty where none conducts."""
+    from .. import pd
+
+    tables = {number: case.data["material"][names[number]] for number in materials}
+    keys = ("conductivity", "specific_heat")
+    if not any(key in t for t in tables.values() for key in keys):
+        return {}
+    for number, t in tables.items():
+        for key in keys:
+            if key not in t:
+                raise AtcError(
+                    f"{case.where('material', str(names[number]))}: [material] needs {key}: heat is conducted in this "
+                    "case, and every material needs conductivity and specific_heat"
+                )
+    return {number: pd.Conduction(*(t[key] for key in keys)) for number, t in tables.items()}
+
+
+def heat_conditions(case, body) -> list:
+    """What [[temperature]] and [[heat_source]] say, for the engine."""
+    from .. import pd
+
+    out = []
+    for section in ("temperature", "heat_source"):
+        for k, t in enumerate(case.data.get(section, [])):
+            if not any("conductivity" in m for m in case.data["material"]):
+                raise AtcError(
+                    f"{case.where(section, str(k))}: [{section}] needs a body that conducts: give [[material]] "
+                    "conductivity and specific_heat"
+                )
+            region = region_of(case, t.get("region"))
+            _require_nodes(case, body, region, (section, str(k), "region"))
+            X = body.X_nc[body.nodes(region)]
+
+            def value(word, table=t, path=(section, str(k)), X=X):
+                law = _Law([table[word]], X, lambda why: case.bad((*path, word), why))
+                return lambda time: law(time)[..., 0]
+
+            if section == "temperature":
+                out.append(pd.FixedTemperature(region, value("value"), until=t.get("until", np.inf)))
+            else:
+                word = "density" if "density" in t else "total"
+                out.append(pd.HeatSource(region, **{word: value(word)}))
+    return out
 
 
 def make_body(case):

@@ -1,7 +1,8 @@
 """Cases: the TOML file in which a person describes a peridynamic body, what acts on it, and what to keep of the run.
 
 Sections ``[body]``, ``[regions.NAME]``, ``[[material]]``, ``[[interface]]``, ``[damage]``, ``[contact]``,
-``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``, ``[[body_force]]``, ``[run]``,
+``[[notch]]``, ``[[indenter]]``, ``[[wall]]``, ``[[initial]]``, ``[[prescribed]]``, ``[[temperature]]``,
+``[[heat_source]]``, ``[[body_force]]``, ``[run]``,
 ``[output]``, and ``[kernel]``, ``[grid]``, ``[fields]`` as in scenes. Everything is checked before anything is
 computed, and every complaint names the file and the line. Numbers are in any one consistent system of units; the output
 labels them as SI. Paths are relative to the case.
@@ -220,8 +221,10 @@ class Case(Document):
                         )
                 elif section in ("prescribed", "initial"):
                     one_of(path, t, "velocity", "displacement")
-                elif section == "body_force":
+                elif section in ("body_force", "heat_source"):
                     one_of(path, t, "density", "total")
+                elif section == "temperature":
+                    one_of(path, t, "value")
                 elif section in needed:
                     for key in needed[section]:
                         one_of(path, t, key)

@@ -33,6 +33,7 @@ QUANTITIES = {
     "damage": (0, "dimensionless", f"damage: {_DAMAGE}", "0 whole, 1 without bonds"),
     "energy": (0, "energy", "strain energy of the node", "positive"),
     "force": (1, "force", "total force on the node: bonds, contact, indenters, walls, body forces", _ALONG),
+    "temperature": (0, "temperature", "how far the temperature of the node has risen", "positive where hotter"),
     "stress": (2, "pressure", "peridynamic stress, nodal virial", f"tension positive; {_INDICES}"),
 }
 DEFAULT = ("displacement", "velocity", "damage", "energy", "force")
@@ -177,7 +178,8 @@ class _Run:
         self.case, self.store, self.fields = case, store, fields
         self.steps = case.data["run"]["steps"]
         self.every = min(case.get("output", "every", max(1, self.steps // 20)), self.steps)
-        self.names = tuple(case.get("output", "quantities", DEFAULT))
+        warm = ("temperature",) if any("conductivity" in m for m in case.data["material"]) else ()
+        self.names = tuple(case.get("output", "quantities", DEFAULT + warm))
         self.file = store.partial / "restart.npz"
         self.vtk = case.path("output", "vtk")
 
@@ -365,6 +367,7 @@ def node_values(sim, names) -> dict[str, np.ndarray]:
         "velocity": lambda: np.array(sim.state.v_nc),
         "damage": sim.damage,
         "energy": sim.strain_energy_n,
+        "temperature": lambda: np.array(sim.temperature_n),
         "force": lambda: np.array(sim.forces()),
         "stress": lambda: nodal_stress(sim),
     }

@@ -122,6 +122,22 @@ def _rise(v):
 described(_rise, {"type": ["number", "string"]})
 
 
+def _scalar(variables):
+    """A number, a formula of `variables`, or a table of numbers over time."""
+
+    def checked(v):
+        if isinstance(v, dict):
+            return _table(_number, "value")(v)
+        if isinstance(v, str):
+            from ..config.formula import Formula
+
+            Formula(v, variables)
+            return v
+        return _number(v)
+
+    return described(checked, {"anyOf": [{"type": ["number", "string"]}, _json_table({"type": "number"})]})
+
+
 def _region(v):
     """A region's name, or its description."""
     if isinstance(v, str):
@@ -295,6 +311,8 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "name": Key(_string, 'a name for [[interface]], e.g. "glass"'),
         "id": Key(_integer, "a whole number"),
         "region": _REGION,
+        "conductivity": Key(_positive, "power per length and temperature, greater than 0"),
+        "specific_heat": Key(_positive, "energy per mass and temperature, greater than 0"),
         **_STRENGTH,
     },
     "interface": {
@@ -336,6 +354,18 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "velocity": _MOTION,
         "displacement": _MOTION,
         "until": Key(_positive, "a time greater than 0"),
+    },
+    "temperature": {
+        "region": _REGION,
+        "value": Key(
+            _scalar(("t", "x", "y", "z")), "a number, a formula of t, x, y, z, or a table of times and values"
+        ),
+        "until": Key(_positive, "a time greater than 0"),
+    },
+    "heat_source": {
+        "region": _REGION,
+        "density": Key(_scalar(("t", "x", "y", "z")), "power per volume, a number, a formula or a table"),
+        "total": Key(_scalar(("t",)), "one power shared out by volume, a number, a formula of t or a table"),
     },
     "body_force": {
         "region": _REGION,

@@ -27,6 +27,8 @@ F_bc (force on i from j, volumes included), G_b (F = −G r; None if not central
 displacements and forces, each a step.
 `strain_gauge(sim, points, normals)` strain and stress at points, at free surfaces too.
 `bond_law` : decorator of the law of a bond, with which a subclass of PMB is a bond-based material of its own.
+`Conduction(conductivity, specific_heat)` for `Simulation(conduction=)`, with `FixedTemperature` and `HeatSource` among
+the conditions: heat flows in the bonds, and expands bodies with `expansion`.
 Materials: PMB, LPS, Correspondence, Elastic, Viscoelastic, Plastic; Linear (a micromodulus tensor, e.g. of a
 crystal) and Hyperelastic (any W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for tests
 that loop over all.
@@ -50,6 +52,7 @@ _PUBLIC = {
     "fields": "SnapshotBonds reference_frame snapshot",
     "statics": "relax solve_static Converged",
     "gauges": "strain_gauge",
+    "conduction": "Conduction FixedTemperature HeatSource",
 }
 _LAZY = {name: file for file, names in _PUBLIC.items() for name in names.split()}
 

@@ -11,6 +11,7 @@ from ..errors import AtcError, AtcWarning
 from ..frame import Cell
 from .blocks import Crew, node_rows
 from .conditions import BodyForce, Prescribed
+from .conduction import Conduction, FixedTemperature, HeatFlow, HeatSource
 from .contact import Contact, ContactSearch
 from .damage import damage_n
 from .integrate import chunks, drift, kick, kick_drift, kick_end, kinetic, power, total
@@ -73,6 +74,8 @@ class Simulation:
     strain : (3, 3) displacement gradient H of a periodic body: nodes start at u = H X and images are moved by H too
     temperature : how far the temperature has risen from that of the reference, a number or (n,): bodies of LPS or
         Elastic with `expansion` are at rest expanded; `heat` changes it between steps or equilibria
+    conduction : a `Conduction`, or {material: one}: heat flows in the bonds from step to step (and from equilibrium to
+        equilibrium), between `FixedTemperature` and `HeatSource` conditions; `temperature` is how it starts
     threads : 0 is all cores. Results do not depend on it.
     lammps_compat : reproduce LAMMPS's faults (extensions below 2.2e-16 are none, the weighted volume of periodic LPS
         bodies without images, its
@@ -101,6 +104,7 @@ class Simulation:
         displacements=None,
         strain=None,
         temperature=None,
+        conduction=None,
         threads=0,
         lammps_compat=False,
     ):
@@ -155,6 +159,15 @@ class Simulation:
         as_list = lambda x: [] if x is None else list(x) if isinstance(x, (list, tuple)) else [x]  # noqa: E731
         self.rigid = [r.bind(body) for r in as_list(indenter) + as_list(walls)]
         conditions = [c.bind(body) for c in as_list(conditions)]
+        thermal = [c for c in conditions if isinstance(c, (FixedTemperature, HeatSource))]
+        conditions = [c for c in conditions if c not in thermal]
+        self.heat_flow = self._warm_n = None
+        if conduction is not None:
+            if isinstance(conduction, Conduction):
+                conduction = {m: conduction for m in self.model.ids}
+            self.heat_flow = HeatFlow(body, conduction, thermal, corrected=first.surface_correction is not None)
+        elif thermal:
+            raise AtcError(f"{type(thermal[0]).__name__}: this body conducts no heat: give conduction")
         for c in conditions:
             if not isinstance(c, (Prescribed, BodyForce)):
                 raise AtcError(f"conditions must be Prescribed or BodyForce objects, got {type(c).__name__}")
@@ -175,7 +188,7 @@ class Simulation:
             self.strained = bool(strain.any())
             if self.contact is not None:
                 self.contact.strain = strain
-        if temperature is not None:
+        if temperature is not None and self.heat_flow is None:
             self._warm(temperature)
         state = State.rest(body) if fresh else state.copy()
         if strain is not None and fresh:
@@ -189,6 +202,8 @@ class Simulation:
                     raise AtcError(f"{name} must have shape (3,) or ({n}, 3), got {value.shape}")
                 out += value
         self._take(state, fresh)
+        if self.heat_flow is not None:
+            self._start_heat(0.0 if temperature is None else temperature)
         if no_fail is not None and fresh:
             inside = np.zeros(n, bool)
             for region in as_list(no_fail):
@@ -261,17 +276,59 @@ class Simulation:
     def heat(self, temperature) -> None:
         """The temperature has risen by this much, a number or (n,), from that of the reference; the forces are those of
         now. What strain energy that brings is heat's, and stands in no ledger."""
-        self._warm(temperature)
+        if self.heat_flow is None:
+            self._warm(temperature)
+        else:
+            self.state.history["temperature_n"][:] = self._rise(temperature)
+            self._expand()
         self._contact_energy, self._rigid_energy = self._all_forces(damage=False)
 
+    def _start_heat(self, temperature):
+        H = self.state.history
+        if "temperature_n" not in H:
+            H.update(temperature_n=self._rise(temperature).copy(), heat_brought=np.zeros(1))
+            for f in self.heat_flow.fixed:
+                if self.state.time < f.until:
+                    H["temperature_n"][f.nodes] = f.values(self.state.time)
+        self._expand()
+
+    @property
+    def temperature_n(self):
+        """(n,) how far temperatures have risen."""
+        warm = self.state.history.get("temperature_n") if self.heat_flow is not None else self._warm_n
+        return np.zeros(len(self.body)) if warm is None else warm
+
+    def heat_power(self, region=None) -> float:
+        """The power that now flows through bonds to the nodes of a region."""
+        if self.heat_flow is None:
+            raise AtcError("heat_power: this body conducts no heat: give conduction")
+        flow = self.heat_flow.flow_n(self.temperature_n, self.state.intact_b)
+        return float(flow[self.body.nodes(region)].sum())
+
+    def _conduct(self, t, dt):
+        """Temperatures a time `dt` after t, and bodies expanded by them."""
+        H = self.state.history
+        H["heat_brought"][0] += self.heat_flow.advance(H["temperature_n"], t, dt, self.state.intact_b)
+        if not np.isfinite(H["temperature_n"]).all():
+            raise AtcError("the temperatures are no longer finite numbers: check the heat sources")
+        self._expand()
+
+    def _expand(self):
+        if any(getattr(m, "expansion", 0.0) for m in self.materials.values()):
+            self._warm(self.temperature_n)
+
     def _warm(self, temperature):
+        self._warm_n = self._rise(temperature)
+        self.model.heat(self._warm_n)
+
+    def _rise(self, temperature):
         rise = np.asarray(temperature, float)
         if rise.shape not in ((), (len(self.body),)) or not np.isfinite(rise).all():
             raise AtcError(
                 f"temperature must be a finite number, or one for each of the {len(self.body)} nodes, got shape "
                 f"{rise.shape}"
             )
-        self.model.heat(np.broadcast_to(rise, (len(self.body),)))
+        return np.broadcast_to(rise, (len(self.body),))
 
     # ---- forces
 
@@ -359,6 +416,8 @@ class Simulation:
         middle = [s.v_nc[p.nodes].copy() for p in self.prescribed] if held else ()
         s.step += 1
         s.time = s.time + dt
+        if self.heat_flow is not None:
+            self._conduct(s.time - dt, dt)
         self.model.advance(dt)
         self._contact_energy, self._rigid_energy = self._all_forces(self.damages)
         s.ledger["dissipated_material"] += self.model.taken

@@ -34,6 +34,7 @@ class _Statics:
             raise AtcError(f"the time of an equilibrium must be a finite number, got {time!r}")
         self.before = s.u_nc.copy(), s.v_nc.copy(), s.F_nc.copy(), s.external_nc.copy()
         self.energies = sim.energies().kinetic, sim._contact_energy, sim._rigid_energy, s.time
+        self.warmth = None if sim.heat_flow is None else (sim.temperature_n.copy(), s.history["heat_brought"].copy())
         if time is not None:
             s.time = float(time)
         self.evaluations = 0
@@ -47,6 +48,14 @@ class _Statics:
             )
         if sim.frictional:
             raise AtcError("friction: what is at rest depends on how it came there: run it in time, with damping")
+        t, before = sim.state.time, self.energies[3]
+        if self.warmth is not None and t != before:
+            if t < before:
+                sim.state.time = before
+                raise AtcError(
+                    f"conduction: an equilibrium at time {t:g} after one at {before:g}: heat does not go back"
+                )
+            sim._conduct(before, t - before)
         n = len(sim.body)
         self.held = np.zeros((n, 3), bool)
         self.held[:, sim.body.dimension :] = True
@@ -76,6 +85,9 @@ class _Statics:
         if kind is not None:
             sim._z[:, :3], s.v_nc[:], s.F_nc[:], s.external_nc[:] = u, v, F, external
             _, sim._contact_energy, sim._rigid_energy, s.time = self.energies
+            if self.warmth is not None:
+                sim.temperature_n[:], s.history["heat_brought"][:] = self.warmth
+                sim._expand()
             return
         s.v_nc[:] = 0.0
         s.step += 1
@@ -194,6 +206,9 @@ def _solve(sim, s, tolerance, max_iterations, inner):
     from scipy.optimize import NoConvergence, newton_krylov
 
     free = s.free
+    if not free.any():
+        s.forces()
+        return Converged(0, 0.0, s.evaluations)
     stiff = np.broadcast_to(sim.model.stiffness_n()[:, None], free.shape)[free]
     stiff = np.maximum(stiff, 1e-12 * stiff.max())
     length = 1e-3 * sim.body.spacing

@@ -18,6 +18,7 @@ UNITS = {
     "energy": "J",
     "force": "N",
     "stress": "Pa",
+    "temperature": "K",
     "volume": "m^3",
     "density": "kg/m^3",
     "time": "s",
