@@ -12,8 +12,6 @@ from .smoothing import Smoothing
 
 #: Straight cuts that tell what a crack's damage is: how many, and within which part of the body's extent.
 _CUTS, _MIDDLE = 8, (0.35, 0.65)
-#: Heights at which the bonds of the atoms are counted that a cut crosses.
-_COUNTED = 60
 
 
 def unit_vector(given, what) -> np.ndarray:
@@ -31,8 +29,7 @@ class Crack:
     connected group of nodes with at least half of the damage that a straight cut through the body does there (the
     median of the largest values of eight cuts), each side by its own; its tip is the furthest place along the
     direction that reaches this, interpolated. The cracked area is the number of lost bonds over those that a straight
-    cut crosses per area, of the atoms the cut that crosses fewest (planes part where that is easiest): branches and
-    damage beside the crack count in it.
+    cut crosses per area: branches and damage beside the crack count in it.
 
     Parameters
     ----------
@@ -54,7 +51,7 @@ class Crack:
         x_atoms, r_atoms = reference.positions @ normal, bonds.r_bc @ normal
         table = body.bonds
         xi = table.xi_bc(self.X) @ normal  # from i to j
-        tops, volumes, areas = [], [], []
+        tops, self.per_area = [], np.zeros(2)
         # Between layers of nodes, not through one: its bonds would end on the plane.
         for s in lo + (np.arange(_CUTS) + 0.5) * (hi - lo) / _CUTS + 0.013 * self.edge:
             cut_md = (x_atoms[bonds.i] - s) * (x_atoms[bonds.i] - r_atoms - s) < 0
@@ -65,14 +62,8 @@ class Crack:
                     self._smooth(self.nodes, self._broken(cut_pd)).max(),
                 )
             )
-            areas.append(body.V_n[np.abs(s_g - s) < 2 * self.edge].sum() / (4 * self.edge))
-            volumes.append(self._bond_volume(cut_pd))
-        # A plane through a layer of atoms counts the bonds on both of its sides, so that it is never the least.
-        fewest = min(
-            np.count_nonzero((x_atoms[bonds.i] - s) * (x_atoms[bonds.i] - r_atoms - s) <= 0)
-            for s in np.linspace(lo, hi, _COUNTED)
-        )
-        self.per_area = np.array([fewest / np.mean(areas), np.mean(np.divide(volumes, areas))])
+            area = body.V_n[np.abs(s_g - s) < 2 * self.edge].sum() / (4 * self.edge)
+            self.per_area += np.array([cut_md.sum(), self._bond_volume(cut_pd)]) / area / _CUTS
         self.least = 0.5 * np.median(tops, axis=0)
         if not (self.least > 0).all():
             raise AtcError("[twin] crack_normal: a cut across the body crosses no bonds: the body has no such plane")

@@ -183,3 +183,15 @@ def test_notches(tmp_path):
 def test_what_does_not_go_together(tmp_path, wrong, words):
     with pytest.raises(AtcError, match=words):
         twin_of(tmp_path / "run.dump", [sheet(), sheet()], **wrong)
+
+
+def test_only_plates_are_planar():
+    """A snapshot as of a run in the plane is of a body in two dimensions, with its whole mass."""
+    x = np.stack(np.meshgrid(np.arange(6.0), np.arange(6.0), [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    law = pd.LPS(bulk=1.0, shear=0.6)
+    sim = pd.Simulation(pd.Body(x, 1.0, 3.0, 2.1, dimension=2, plane="strain", warn=False), law)
+    frame, bonds = pd.snapshot(sim, "lj", planar=True)
+    assert frame.dimension == bonds.dimension == 2 and frame.masses.sum() == pytest.approx(3.0 * len(x))
+    assert pd.reference_frame(sim, "lj", planar=True).dimension == 2
+    with pytest.raises(AtcError, match="one of a body in two dimensions, this one has 3"):
+        pd.snapshot(pd.Simulation(pd.Body(x, 1.0, 3.0, 2.1, warn=False), law), "lj", planar=True)
