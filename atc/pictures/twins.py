@@ -25,7 +25,53 @@ def picture(data, path, title, components=None):
     from .drawing import STYLE, save
 
     with mpl.rc_context(STYLE):
-        return save(drawn(data, title, components), path)
+        return save((over_line if _kind(data) == "line" else drawn)(data, title, components), path)
+
+
+def over_line(data, title, components=None):
+    """Figure of a line grid: both sides at the first, the middle and the last frame, one row for each component. By
+    default the displacement and the stress that vary most over time."""
+    from matplotlib.figure import Figure
+
+    from .drawing import figure, titled
+    from .geometry import points_of_grid, unit_text
+
+    place = points_of_grid(data, data["md_density"].isel(frame=0))
+    s, text = place.abscissa(0)
+    n = data.sizes["frame"]
+    frames = sorted({0, n // 2, n - 1})
+    components = components or [_varying(data, "displacement"), _varying(data, "stress")]
+    fig, axs = figure(Figure, len(frames) * len(components), 4.2, 2.9, columns=len(frames))
+    for row, (name, index, label) in zip(axs.reshape(-1, len(frames)), components):
+        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
+        for ax, k in zip(row, frames):
+            inside = _matter(data)[k]
+            for side, style in (("md", "k.-"), ("pd", "C3-")):
+                v = np.where(inside, data[f"{side}_{name}"].values[(k, ..., *index)], np.nan)
+                ax.plot(s, v, style, label=side.upper(), lw=1.0, ms=3)
+            ax.set_xlabel(text)
+            ax.set_ylabel(label + (f" ({units})" if units else ""))
+            ax.set_title(f"frame {k + 1} of {n}")
+            ax.spines[["top", "right"]].set_visible(False)
+        row[0].legend()
+    titled(fig, title.split(": means of")[0])
+    return fig
+
+
+def _varying(data, name):
+    """(field, index, label) of the component of the MD's that varies most over time; in one frame, over the grid."""
+    v = data[f"md_{name}"].values
+    v = v[:, _matter(data).all(axis=0)]
+    spread = v.var(axis=0).mean(axis=0) if len(v) > 1 else v[0].var(axis=0)
+    index = tuple(int(i) for i in np.unravel_index(np.argmax(spread), spread.shape))
+    axes = "".join("xyz"[i] for i in index)
+    return name, index, f"u_{axes}" if name == "displacement" else f"{name} {axes}"
+
+
+def _kind(data) -> str:
+    from .geometry import points_of_grid
+
+    return points_of_grid(data, data["md_density"].isel(frame=0)).kind
 
 
 def movie(data, path, title, components=None, rate: float = 5.0) -> Path:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
+
+from ..errors import AtcWarning
 
 #: name in the dataset: (quantity of the atoms, of the nodes)
 PAIRS = {
@@ -12,6 +16,55 @@ PAIRS = {
     "stress": ("stress", "peridynamic_stress"),
     "energy": ("energy_potential", "energy_potential"),
 }
+
+
+def fields_of_atoms(scene, run, frames, pot, kern, grid, names, reference):
+    """Fields of the run; without velocities (a body at rest) stress is that of the potential alone."""
+    from .. import fields
+
+    still = any(f.velocities is None for f in frames)
+    asked = [*(PAIRS[n][0] for n in names), "virial_stress"]
+    if still:
+        asked = [a + "_potential" if "stress" in a else a for a in asked]
+    with warnings.catch_warnings():
+        # Packets in a crystal at rest, and minimised bodies, are as cold as they are meant to be.
+        warnings.filterwarnings("ignore", "(?s).*the atoms have a temperature of .*e-", AtcWarning)
+        md = fields(
+            run,
+            pot,
+            kern,
+            grid,
+            asked,
+            tolerance=scene.get("fields", "tolerance", 1e-5),
+            reference=reference,
+            forces="ignore",
+        )
+    return md.rename({a: a.removesuffix("_potential") for a in asked if "stress" in a}) if still else md
+
+
+def fields_of_nodes(sim, material, units, kern, grid, names, atoms):
+    """Fields of the twin's present state, by the code that makes those of the atoms."""
+    from .. import fields, pd
+
+    if hasattr(material, "frame"):  # nodes that carry atoms
+        frame, pot = material.frame(sim)
+        found = fields(
+            [frame],
+            pot,
+            kern,
+            grid,
+            [*(PAIRS[n][0] for n in names), "virial_stress_potential"],
+            reference=atoms,
+            forces="ignore",
+        )
+        return found.rename({PAIRS[n][0]: PAIRS[n][1] for n in names if PAIRS[n][0] != PAIRS[n][1]})
+    # The twin's numbers are internal ones; results are reported in the run's units.
+    frame, bonds = pd.snapshot(sim, units="lj", planar=units.dimension == 2)
+    reference = pd.reference_frame(sim, units="lj", planar=units.dimension == 2)
+    bonds.units = units
+    frame, reference = frame.replace(units=units), reference.replace(units=units)
+    asked = [*(PAIRS[n][1] for n in names), "virial_stress_potential"]
+    return fields([frame], bonds, kern, grid, asked, reference=reference, forces="ignore")
 
 
 def dataset_of(md, pd_frames, names):

@@ -17,7 +17,16 @@ from ..readers.planar import matched
 from ..upscaling.crystal import PLANAR_STRUCTURES, STRUCTURES, Crystal, evaluate, relax
 from .body import TwinBody, body_of, body_of_atoms
 from .choice import atoms_horizon, horizon_of, orientation, twin_material
-from .comparison import PAIRS, add_constants, add_norms, away_from_surfaces, dataset_of, norms, without_cohesion
+from .comparison import (
+    add_constants,
+    add_norms,
+    away_from_surfaces,
+    dataset_of,
+    fields_of_atoms,
+    fields_of_nodes,
+    norms,
+    without_cohesion,
+)
 from .conditions import (
     Run,
     between,
@@ -235,7 +244,7 @@ def _twin(scene, tell, progress) -> Twin:
         with warnings.catch_warnings():
             if k:  # what is wrong with the grid has been said of the first
                 warnings.simplefilter("ignore", AtcWarning)
-            found.append(_fields_of_nodes(sim, material, u, kern, grid, names, reference))
+            found.append(fields_of_nodes(sim, material, u, kern, grid, names, reference))
         if at_rest is not None:
             found[-1]["peridynamic_stress"].values += np.nan_to_num(at_rest["stress_potential"].values)
             found[-1]["virial_stress_potential"].values += at_rest["virial_stress_potential"].values
@@ -250,18 +259,7 @@ def _twin(scene, tell, progress) -> Twin:
             tips.append(crack.measure(frames[k]))
         if progress is not None:
             progress(k + 1, len(frames), (k + 1) / (time.perf_counter() - began))
-    from .. import fields
-
-    md = fields(
-        run,
-        pot,
-        kern,
-        grid,
-        [*(PAIRS[n][0] for n in names), "virial_stress"],
-        tolerance=scene.get("fields", "tolerance", 1e-5),
-        reference=reference,
-        forces="ignore",
-    )
+    md = fields_of_atoms(scene, run, frames, pot, kern, grid, names, reference)
     data = dataset_of(md, found, names)
     cohesion = evaluate(law, crystal.frame())[0] / crystal.masses.sum()
     without_cohesion(data, ("md", "pd") if hasattr(material, "frame") else ("md",), u, cohesion)
@@ -276,6 +274,8 @@ def _twin(scene, tell, progress) -> Twin:
         said += crack_lines(data)
     if indenting:
         said += add_indenters(data, u, md_push, pd_push)
+    if any(f.velocities is None for f in frames):
+        said.append("stress of the MD: the frames have no velocities, so that its kinetic part is not in it")
     lines += said
     for line in said if tell is not None else ():
         tell(line)
@@ -438,31 +438,6 @@ def _advance(sim, frames, times, k, motion, safety) -> int:
 def _nodes(sim, units):
     """The nodes where they are, as a frame."""
     return Frame(sim.positions_nc, sim.cell, units, masses=sim.mass_n)
-
-
-def _fields_of_nodes(sim, material, units, kern, grid, names, atoms):
-    """Fields of the twin's present state, by the code that makes those of the atoms."""
-    from .. import fields, pd
-
-    if hasattr(material, "frame"):  # nodes that carry atoms
-        frame, pot = material.frame(sim)
-        found = fields(
-            [frame],
-            pot,
-            kern,
-            grid,
-            [*(PAIRS[n][0] for n in names), "virial_stress_potential"],
-            reference=atoms,
-            forces="ignore",
-        )
-        return found.rename({PAIRS[n][0]: PAIRS[n][1] for n in names if PAIRS[n][0] != PAIRS[n][1]})
-    # The twin's numbers are internal ones; results are reported in the run's units.
-    frame, bonds = pd.snapshot(sim, units="lj", planar=units.dimension == 2)
-    reference = pd.reference_frame(sim, units="lj", planar=units.dimension == 2)
-    bonds.units = units
-    frame, reference = frame.replace(units=units), reference.replace(units=units)
-    asked = [*(PAIRS[n][1] for n in names), "virial_stress_potential"]
-    return fields([frame], bonds, kern, grid, asked, reference=reference, forces="ignore")
 
 
 def _lines(units, reference, pot, made, material, held, motion, safety, sim, frames, script, added) -> list[str]:
