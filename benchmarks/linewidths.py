@@ -136,4 +136,7 @@ def main(folder, names) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        print(__doc__)
+        raise SystemExit
     main(Path(sys.argv[1]), sys.argv[2:])
