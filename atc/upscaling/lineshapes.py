@@ -7,7 +7,8 @@ energy (phono3py's 1/2Γ) and 2/γ that of its amplitude (dynasor's).
 
 The parameters are those of greatest likelihood of the periodogram (Whittle's), whose expectation is that of the finite,
 sampled run: leakage and folded frequencies are in the model (A. M. Sykulski et al., Biometrika 106, 251 (2019)). Error
-bars allow for the correlation of neighbouring frequencies that a finite run makes.
+bars allow for the correlation of neighbouring frequencies that a finite run makes, and grow with the root of the misfit
+where the line has another shape: lines of anharmonic crystals have shoulders and satellites.
 """
 
 from __future__ import annotations
@@ -22,13 +23,15 @@ SHAPES = ("lorentzian", "oscillator")
 #: Lines that are narrower than this over the run's length have no width that could be measured: γT, T the run. A
 #: frequency of the run and the next are 2π/T apart.
 NARROWEST = 8.0
+#: Values of the periodogram that the start is smoothed over, and how often the band follows the line.
+_SMOOTH, _ROUNDS = 60, 8
 
 
 @dataclass
 class Line:
-    """One fitted line. omega, gamma : ω₀ and the full width at half maximum, with standard errors; NaN where no line
-    could be had (`why`). power : ⟨|v|²⟩ of the mode. misfit : mean square of (data/fit − 1) over what it should be, 1
-    for a line of this shape; larger for another."""
+    """One fitted line. omega, gamma : ω₀ and the full width at half maximum, with standard errors, which are √misfit
+    times as large where that is above 1; NaN where no line could be had (`why`). power : ⟨|v|²⟩ of the mode. misfit :
+    mean square of (data/fit − 1) over what it should be, 1 for a line of this shape; larger for another."""
 
     omega: float = np.nan
     omega_error: float = np.nan
@@ -96,8 +99,10 @@ def fit_line(v_st, dt: float, shape: str = "lorentzian", *, real: bool = False, 
     if not (data[1:] > 0).any():
         return Line(why="the mode does not move")
     t = dt * np.arange(n)
-    # Start: the highest point of a slightly smoothed spectrum, and the width of its half.
-    smooth = np.convolve(data, np.array([1, 2, 3, 2, 1]) / 9.0, mode="same")
+    # Start: the highest point of a spectrum smoothed over some hundred values, and the width of its half.
+    reach = max(2, int(np.ceil(_SMOOTH / independent)))
+    taper = np.minimum(np.arange(1, 2 * reach + 2), np.arange(2 * reach + 1, 0, -1))
+    smooth = np.convolve(data, taper / taper.sum(), mode="full")[reach:-reach]
     inside = np.ones(len(data), bool) if band is None else (omega >= band[0]) & (omega <= band[1])
     inside[0] = False
     if inside.sum() < 6:
@@ -106,14 +111,15 @@ def fit_line(v_st, dt: float, shape: str = "lorentzian", *, real: bool = False, 
     below = smooth < 0.5 * smooth[top]
     left, right = top - np.argmax(below[top::-1]) if below[:top].any() else 0, top + np.argmax(below[top:])
     width = max(right - left if below[top:].any() else 2 * (top - left), 2) * step
-    start = omega[top], max(width - 2 * step, 0.5 * step)
-    fitted = None
-    for _ in range(2 if band is None else 1):
+    fitted = (1.0, omega[top], max(width - reach * step, 0.5 * step))
+    # The band is that of the line that is found in it.
+    for _ in range(_ROUNDS if band is None else 1):
+        before = fitted
         if band is None:
-            w0, g = start if fitted is None else (fitted[1], fitted[2])
-            reach = 8 * max(g, 1.5 * step)
-            inside = (np.abs(omega - w0) <= reach) & (omega > 0)
-        fitted = _greatest(shape, t, dt, data, inside, *(start if fitted is None else fitted[1:]))
+            inside = (np.abs(omega - before[1]) <= 8 * max(before[2], 1.5 * step)) & (omega > 0)
+        fitted = _greatest(shape, t, dt, data, inside, *before[1:])
+        if abs(fitted[1] - before[1]) < 0.02 * fitted[2] and abs(fitted[2] - before[2]) < 0.02 * fitted[2]:
+            break
     power, w0, gamma = fitted
     if gamma * n * dt < NARROWEST:
         return Line(omega=w0, why="a line is narrower than the run resolves: its lifetime is longer than the run")
@@ -122,6 +128,7 @@ def fit_line(v_st, dt: float, shape: str = "lorentzian", *, real: bool = False, 
     error = _errors(shape, t, dt, inside, power, w0, gamma, independent)
     model = power * expected_periodogram(autocorrelation(shape, t, w0, gamma), dt)
     misfit = float(independent * np.mean((data[inside] / model[inside] - 1) ** 2))
+    error = error * np.sqrt(max(misfit, 1.0))
     return Line(float(w0), float(error[1]), float(gamma), float(error[2] * gamma), float(power), misfit)
 
 

@@ -130,7 +130,14 @@ def _elements(crystal) -> dict:
 
 
 def _tex(label: str) -> str:
-    return "$\\Gamma$" if label == "Γ" else f"${label[0]}_{label[1:]}$" if len(label) > 1 else label
+    """As phonopy's plots write it: $\\Gamma$, $\\Sigma_0$; rays as they are."""
+    from .zone import GREEK
+
+    if not label[:1].isalpha():
+        return label
+    words = {letter: f"\\{word.title()}" for word, letter in GREEK.items()}
+    letter = words.get(label[:1], label[:1])
+    return f"${letter}_{label[1:]}$" if label[1:] else f"${letter}$" if label in words else label
 
 
 def _phonopy(crystal, repeat):

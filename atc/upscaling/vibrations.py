@@ -24,6 +24,8 @@ from .zone import Segment, commensurate_on
 
 #: Fewer frames than this in a block make no spectrum; fewer cycles than this no frequency.
 MIN_FRAMES, MIN_CYCLES = 16, 3.0
+#: A misfit of a line that is said: of hundreds of independent frequencies it is 1 to a tenth or so.
+OTHER_SHAPE = 1.5
 
 
 @dataclass
@@ -407,6 +409,12 @@ def measure(
             shapes.append(_lines(v, a.dt, vectors, groups, lines, halved(crystal, k)))
             why = {x.why for x in shapes[-1] if x.why} - set(notes)
             notes += sorted(why)
+    worst = max((x.misfit for row in shapes for x in row if np.isfinite(x.misfit)), default=0.0)
+    if worst > OTHER_SHAPE:
+        notes.append(
+            f"some lines have another shape than fitted, with shoulders or satellites (misfit to {worst:.2g}): their "
+            "widths are those of the nearest line of the shape, and their errors √misfit times as large"
+        )
     data = [np.array(x) for x in zip(*rows)]
     if a.dt is not None and harmonic is not None:
         top = harmonic.frequencies(np.array([p[2] for p in plan])).max()

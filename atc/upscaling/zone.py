@@ -17,6 +17,8 @@ from .crystal import Crystal
 from .sites import Sites
 
 GAMMA = "Γ"
+#: Words for Greek letters in seekpath's names.
+GREEK = {"GAMMA": GAMMA, "SIGMA": "Σ", "DELTA": "Δ", "LAMBDA": "Λ"}
 _SIXTH = {"K": "1/3 1/3 0", "M": "1/2 0 0", "A": "0 0 1/2", "L": "1/2 0 1/2", "H": "1/3 1/3 1/2"}
 
 #: lattice: (name, the usual path, points). Numbers, or formulas of h and z (tetragonal, body-centred).
@@ -204,6 +206,13 @@ def _name(text: str, points) -> str:
     return GAMMA if text.upper() in ("GAMMA", GAMMA) or (text == "G" and "G" not in points) else text
 
 
+def plain(name: str) -> str:
+    """A name of seekpath as it is written here: Γ for GAMMA, Σ0 for SIGMA_0."""
+    for word, letter in GREEK.items():
+        name = name.replace(word, letter)
+    return name.replace("_", "")
+
+
 def _seekpath(crystal: Crystal) -> list[Segment]:
     try:
         from seekpath import get_path_orig_cell
@@ -220,11 +229,7 @@ def _seekpath(crystal: Crystal) -> list[Segment]:
             raise AtcError(
                 f"{crystal.name}: seekpath finds no path for this crystal: {str(e).splitlines()[0]}"
             ) from None
-    points = {
-        GAMMA if name == "GAMMA" else name.replace("_", ""): np.array(k) @ crystal.reciprocal
-        for name, k in found["point_coords"].items()
-    }
-    plain = lambda name: GAMMA if name == "GAMMA" else name.replace("_", "")  # noqa: E731
+    points = {plain(name): np.array(k) @ crystal.reciprocal for name, k in found["point_coords"].items()}
     return [Segment((plain(a), plain(b)), np.array([points[plain(a)], points[plain(b)]])) for a, b in found["path"]]
 
 

@@ -117,6 +117,21 @@ def test_another_shape_is_seen():
     assert abs(alone.omega - 2.0) < 0.05 and alone.misfit < 3
 
 
+def test_the_band_follows_the_line():
+    """Where the line has a satellite, the band that is fitted is that of the line found in it, and the error bar says
+    that the shape is another."""
+    v = oscillators(11.6, 0.6, 0.2, 5000, 3, np.random.default_rng(3))
+    plain = fit_line(v, 0.2, "oscillator")
+    line = fit_line(v + 0.35 * np.exp(11.3j * 0.2 * np.arange(5000)), 0.2, "oscillator")
+    again = fit_line(
+        v + 0.35 * np.exp(11.3j * 0.2 * np.arange(5000)), 0.2, "oscillator",
+        band=(line.omega - 8 * line.gamma, line.omega + 8 * line.gamma),
+    )  # fmt: skip
+    assert again.gamma == pytest.approx(line.gamma, rel=0.02)
+    assert abs(plain.gamma - 0.6) < 3 * plain.gamma_error
+    assert line.misfit > 1.5 and line.gamma_error > 1.2 * plain.gamma_error
+
+
 def test_what_has_no_width():
     t = np.arange(400) * 0.1
     line = fit_line(np.exp(2j * np.pi * 12.3 / 40 * t)[None], 0.1)

@@ -28,6 +28,51 @@ def test_points_are_those_of_seekpath(lattice):
                 np.testing.assert_allclose(around(ours[name]), around(k), atol=1e-6)
 
 
+HEX = 3.2 * np.array([[1.0, 0, 0], [-0.5, 0.75**0.5, 0], [0, 0, 1.633]])
+STRUCTURES = {
+    "fcc": Crystal.cubic("fcc", 4.05, 27.0, "metal"),
+    "bcc": Crystal.cubic("bcc", 2.87, 56.0, "metal"),
+    "sc": Crystal.cubic("sc", 3.3, 209.0, "metal"),
+    "diamond": Crystal.cubic("diamond", 5.43, 28.0, "metal"),
+    "zincblende": Crystal.cubic("diamond", 5.65, [69.7, 74.9], "metal"),
+    "hcp": Crystal(HEX, np.array([[1 / 3, 2 / 3, 0.25], [2 / 3, 1 / 3, 0.75]]) @ HEX, 24.3, "metal"),
+}
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_names_of_crystals_are_those_of_seekpath(name, turned):
+    """With their atoms, whose symmetry is seekpath's guide; as they are, and by another primitive cell, turned."""
+    pytest.importorskip("seekpath")
+    from scipy.spatial.transform import Rotation
+
+    c = STRUCTURES[name]
+    if turned:
+        R = Rotation.random(random_state=5).as_matrix().T
+        vectors = np.array([[1, 1, 0], [0, 1, 0], [1, 0, 1]]) @ c.vectors @ R
+        c = Crystal(vectors, c.positions @ R, c.masses, "metal", types=c.types)
+    theirs = {x: k for s in zone_path(c, "seekpath") for x, k in zip(s.ends, s.k_ec)}
+    ours = special_points(c)[1]
+    assert set(ours) == set(theirs)
+    G = np.stack(np.meshgrid(*3 * [np.arange(-4, 5)], indexing="ij"), -1).reshape(-1, 3) @ c.reciprocal
+    for x, k in ours.items():
+        near = [np.sort(np.linalg.norm(G - q, axis=1))[:10] for q in (k, theirs[x])]
+        np.testing.assert_allclose(*near, atol=1e-6)
+
+
+def test_low_symmetry_goes_to_seekpath():
+    """A face-centred orthorhombic lattice, whose points have Greek names too, and a triclinic one with two atoms."""
+    pytest.importorskip("seekpath")
+    fco = Crystal(np.array([[0, 2, 2.5], [1.5, 0, 2.5], [1.5, 2, 0]]), [[0, 0, 0]], 30.0, "metal")
+    assert {"Γ", "Y", "Σ0", "U0"} <= {x for s in zone_path(fco, "seekpath") for x in s.ends}
+    vectors = np.array([[3.1, 0, 0], [0.4, 4.2, 0], [0.3, 0.7, 5.1]])
+    odd = Crystal(vectors, np.array([[0, 0, 0], [0.13, 0.21, 0.34]]) @ vectors, [30.0, 20.0], "metal", types=[1, 2])
+    # Of a triclinic lattice all named points are half a reciprocal vector.
+    for s in zone_path(odd, "seekpath"):
+        half = s.k_ec @ odd.vectors.T / np.pi
+        np.testing.assert_allclose(half, np.rint(half), atol=1e-9)
+
+
 def test_structure_factors_are_those_of_dynasor(tmp_path):
     dynasor = pytest.importorskip("dynasor")
     frames = liquid()

@@ -14,10 +14,10 @@ from atc.errors import AtcError
 from atc.frame import Cell, Frame
 from atc.units import units
 from atc.upscaling.crystal import Crystal
-from atc.upscaling.phonopy_bridge import write_phonopy
+from atc.upscaling.phonopy_bridge import _tex, write_phonopy
 from atc.upscaling.structure_factors import structure_factors, wave_vectors
 from atc.upscaling.vibrations import measure
-from atc.upscaling.zone import bravais, outside_zone, special_points, zone_path
+from atc.upscaling.zone import bravais, outside_zone, plain, special_points, zone_path
 
 BODY = np.array([[-0.5, 0.5, 0.5], [0.5, -0.5, 0.5], [0.5, 0.5, -0.5]])
 HEXAGON = np.array([[1.0, 0, 0], [-0.5, 0.75**0.5, 0], [0, 0, 1.63]])
@@ -199,6 +199,11 @@ def test_phonopy_reads_what_is_written(tmp_path):
     assert band["points"][0]["symbol"] == "Si"
     x = [m["frequency"] for m in band["phonon"][50]["band"]]
     np.testing.assert_allclose(x, fc.frequencies(segments[0].k_ec[1])[0] * 15.633302, rtol=5e-7)
+
+
+def test_names_as_plots_write_them():
+    assert [_tex(x) for x in ("Γ", "X", "Z0", "Σ0", "[100]")] == ["$\\Gamma$", "X", "$Z_0$", "$\\Sigma_0$", "[100]"]
+    assert [plain(x) for x in ("GAMMA", "SIGMA_0", "H_2", "X")] == ["Γ", "Σ0", "H2", "X"]
 
 
 def test_a_scene_with_a_path(tmp_path, monkeypatch):
