@@ -210,11 +210,11 @@ class _PairWork(Work):
         G[:] = 0.0
         for s, prepared in zip(term.styles, self.prepared, strict=True):
             s.add(self.types, i, j, d2, weights[s.weight], U, G, prepared)
-        energy = float(U.sum())
-        if not np.isfinite(energy + float(G.sum())):
-            bad = np.flatnonzero(~np.isfinite(U + G))
-            if len(bad):
-                raise self._bad(int(i[bad[0]]), int(j[bad[0]]), float(np.sqrt(d2[bad[0]])))
+        with np.errstate(all="ignore"):  # said below, with the atoms
+            energy = float(U.sum())
+            bad = np.flatnonzero(~np.isfinite(U + G)) if not np.isfinite(energy + float(G.sum())) else ()
+        if len(bad):
+            raise self._bad(int(i[bad[0]]), int(j[bad[0]]), float(np.sqrt(d2[bad[0]])))
         acc.energy += energy
         if acc.energies is not None:
             _share(i, j, U, acc.energies)

@@ -183,17 +183,34 @@ def add(acc_at, to_at, beta_at, runs, quads, b_at):
                 accumulate4(acc_at, to + c + 12 * quads, w3 * b)
 
 
+@njit(**JIT_FMA)
+def _along(map_at, e0, e1, e2, steps, d0, d1, d2):
+    """How far the steps of the lattice (backwards) and d go along e."""
+    (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = steps
+    poke(map_at, 0, -(e0 * a0 + e1 * a1 + e2 * a2))
+    poke(map_at, 3, -(e0 * b0 + e1 * b1 + e2 * b2))
+    poke(map_at, 6, -(e0 * c0 + e1 * c1 + e2 * c2))
+    poke(map_at, 9, e0 * d0 + e1 * d1 + e2 * d2)
+
+
+@njit(**JIT_FMA)
+def _put3(at, x, y, z):
+    poke(at, 0, x)
+    poke(at, 1, y)
+    poke(at, 2, z)
+
+
 @njit(**ENTRY)
 def prepare(
     x_nc,
     i_b,
     r_bc,
-    origin_c,
-    offset_c,
-    step_ac,
-    inverse_ca,
-    shape_a,
-    wrap_a,
+    origin,  # three numbers, as tuples: of what is the same for all bonds
+    offset,
+    steps,
+    inverse,
+    shape,
+    wrap,
     tiny,
     map_bk,
     end_bk,
@@ -205,33 +222,36 @@ def prepare(
     greatest length, −1 if something is not finite.
     """
     longest = 0.0
-    sx, sy, sz = step_ac[2, 0], step_ac[2, 1], step_ac[2, 2]
+    (s00, s01, s02), (s10, s11, s12), (sx, sy, sz) = steps
+    (i00, i01, i02), (i10, i11, i12), (i20, i21, i22) = inverse
     row2 = sx * sx + sy * sy + sz * sz
+    x_at, r_at, map_at, end_at = address(x_nc), address(r_bc), address(map_bk), address(end_bk)
+    base_at, frame_at = address(base_ba), address(frame_bcc)
     for b in range(len(i_b)):
-        o = i_b[b]
-        r0, r1, r2 = r_bc[b, 0], r_bc[b, 1], r_bc[b, 2]
+        o = 3 * i_b[b]
+        r0, r1, r2 = peek(r_at, 3 * b), peek(r_at, 3 * b + 1), peek(r_at, 3 * b + 2)
         length = sqrt(r0 * r0 + r1 * r1 + r2 * r2)
         # Relative to the lattice point nearest to x_i, by way of the cell's origin: a box far from 0 loses nothing.
-        d0 = (x_nc[o, 0] - origin_c[0]) - offset_c[0]
-        d1 = (x_nc[o, 1] - origin_c[1]) - offset_c[1]
-        d2 = (x_nc[o, 2] - origin_c[2]) - offset_c[2]
+        d0 = (peek(x_at, o) - origin[0]) - offset[0]
+        d1 = (peek(x_at, o + 1) - origin[1]) - offset[1]
+        d2 = (peek(x_at, o + 2) - origin[2]) - offset[2]
         if not isfinite(length + d0 + d1 + d2):
             return -1.0
         longest = max(longest, length)
-        f0 = d0 * inverse_ca[0, 0] + d1 * inverse_ca[1, 0] + d2 * inverse_ca[2, 0]
-        f1 = d0 * inverse_ca[0, 1] + d1 * inverse_ca[1, 1] + d2 * inverse_ca[2, 1]
-        f2 = d0 * inverse_ca[0, 2] + d1 * inverse_ca[1, 2] + d2 * inverse_ca[2, 2]
+        f0 = d0 * i00 + d1 * i10 + d2 * i20
+        f1 = d0 * i01 + d1 * i11 + d2 * i21
+        f2 = d0 * i02 + d1 * i12 + d2 * i22
         q0, q1, q2 = floor(f0 + 0.5), floor(f1 + 0.5), floor(f2 + 0.5)
-        d0 -= q0 * step_ac[0, 0] + q1 * step_ac[1, 0] + q2 * sx
-        d1 -= q0 * step_ac[0, 1] + q1 * step_ac[1, 1] + q2 * sy
-        d2 -= q0 * step_ac[0, 2] + q1 * step_ac[1, 2] + q2 * sz
-        base_ba[b, 0] = folded(q0, shape_a[0]) if wrap_a[0] else q0
-        base_ba[b, 1] = folded(q1, shape_a[1]) if wrap_a[1] else q1
-        base_ba[b, 2] = folded(q2, shape_a[2]) if wrap_a[2] else q2
-        end_bk[b, 0] = f0 - q0
-        end_bk[b, 1] = f1 - q1
-        end_bk[b, 2] = r0 * inverse_ca[0, 0] + r1 * inverse_ca[1, 0] + r2 * inverse_ca[2, 0]
-        end_bk[b, 3] = r0 * inverse_ca[0, 1] + r1 * inverse_ca[1, 1] + r2 * inverse_ca[2, 1]
+        d0 -= q0 * s00 + q1 * s10 + q2 * sx
+        d1 -= q0 * s01 + q1 * s11 + q2 * sy
+        d2 -= q0 * s02 + q1 * s12 + q2 * sz
+        poke_int(base_at, 3 * b, folded(q0, shape[0]) if wrap[0] else q0)
+        poke_int(base_at, 3 * b + 1, folded(q1, shape[1]) if wrap[1] else q1)
+        poke_int(base_at, 3 * b + 2, folded(q2, shape[2]) if wrap[2] else q2)
+        poke(end_at, 4 * b, f0 - q0)
+        poke(end_at, 4 * b + 1, f1 - q1)
+        poke(end_at, 4 * b + 2, r0 * i00 + r1 * i10 + r2 * i20)
+        poke(end_at, 4 * b + 3, r0 * i01 + r1 * i11 + r2 * i21)
         # Orthonormal frame (n, u, v): n along the bond, v normal to the rows too, so that v·d is the same all along a
         # row.
         if length < tiny:
@@ -255,23 +275,16 @@ def prepare(
         t = vx * nx + vy * ny + vz * nz
         vx, vy, vz = vx - t * nx, vy - t * ny, vz - t * nz
         t = 1.0 / sqrt(vx * vx + vy * vy + vz * vz)
+        ux, uy, uz = t * (vy * nz - vz * ny), t * (vz * nx - vx * nz), t * (vx * ny - vy * nx)
+        vx, vy, vz = t * vx, t * vy, t * vz
         length_b[b] = length
-        frame_bcc[b, 0, 0] = nx
-        frame_bcc[b, 0, 1] = ny
-        frame_bcc[b, 0, 2] = nz
-        frame_bcc[b, 1, 0] = t * (vy * nz - vz * ny)
-        frame_bcc[b, 1, 1] = t * (vz * nx - vx * nz)
-        frame_bcc[b, 1, 2] = t * (vx * ny - vy * nx)
-        frame_bcc[b, 2, 0] = t * vx
-        frame_bcc[b, 2, 1] = t * vy
-        frame_bcc[b, 2, 2] = t * vz
+        _put3(frame_at + 72 * b, nx, ny, nz)
+        _put3(frame_at + 72 * b + 24, ux, uy, uz)
+        _put3(frame_at + 72 * b + 48, vx, vy, vz)
         t = 1.0 / length
-        for c in range(3):
-            e0, e1, e2 = t * frame_bcc[b, c, 0], t * frame_bcc[b, c, 1], t * frame_bcc[b, c, 2]
-            map_bk[b, c] = -(e0 * step_ac[0, 0] + e1 * step_ac[0, 1] + e2 * step_ac[0, 2])
-            map_bk[b, 3 + c] = -(e0 * step_ac[1, 0] + e1 * step_ac[1, 1] + e2 * step_ac[1, 2])
-            map_bk[b, 6 + c] = -(e0 * sx + e1 * sy + e2 * sz)
-            map_bk[b, 9 + c] = e0 * d0 + e1 * d1 + e2 * d2
+        _along(map_at + 96 * b, t * nx, t * ny, t * nz, steps, d0, d1, d2)
+        _along(map_at + 96 * b + 8, t * ux, t * uy, t * uz, steps, d0, d1, d2)
+        _along(map_at + 96 * b + 16, t * vx, t * vy, t * vz, steps, d0, d1, d2)
     return longest
 
 
@@ -287,9 +300,9 @@ def lattice_bonds(
     b_bk,  # components filled up with zeros to a multiple of four
     radii_m,
     coef_mk,
-    reach_a,  # how far a ball of radius 1 reaches in lattice coordinates
-    shape_a,
-    wrap_a,  # whether an axis of the lattice closes on itself through the periodic cell
+    reach,  # how far a ball of radius 1 reaches in lattice coordinates, as a tuple
+    shape,
+    wrap,  # whether an axis of the lattice closes on itself through the periodic cell
     acc,  # flat: rows × ext × components
     ext,
     # buffers: of rows D, Y, M, first point, number of points, place and row in the accumulator, lists of short and long
@@ -298,9 +311,9 @@ def lattice_bonds(
     k_,  # buffer for the constants of β
 ):
     """Σ_b b β at every point, added to `acc`. Returns the number of (bond, point) pairs visited."""
-    n0, n1, n2 = shape_a[0], shape_a[1], shape_a[2]
-    wrap0, wrap1, wrap2 = wrap_a[0], wrap_a[1], wrap_a[2]
-    reach0, reach1 = reach_a[0], reach_a[1]
+    n0, n1, n2 = shape
+    wrap0, wrap1, wrap2 = wrap
+    reach0, reach1, _ = reach
     n_comp = b_bk.shape[1]
     stride = n_comp * ext
     quads = n_comp // 4
@@ -318,13 +331,13 @@ def lattice_bonds(
     column_at = long_at + 8 * most
     to_at = column_at + 8 * most
     beta_at = to_at + 8 * most
-    acc_at, k_at = address(acc), address(k_)
+    acc_at, k_at, end_at, base_at = address(acc), address(k_), address(end_bk), address(base_ba)
     visits = 0
     for b in range(len(length_b)):
         b_at = address(b_bk) + 8 * n_comp * b
         map_at = address(map_bk) + 96 * b
-        f0, f1, e0, e1 = end_bk[b, 0], end_bk[b, 1], end_bk[b, 2], end_bk[b, 3]
-        base0, base1, base2 = base_ba[b, 0], base_ba[b, 1], base_ba[b, 2]
+        f0, f1, e0, e1 = peek(end_at, 4 * b), peek(end_at, 4 * b + 1), peek(end_at, 4 * b + 2), peek(end_at, 4 * b + 3)
+        base0, base1, base2 = peek_int(base_at, 3 * b), peek_int(base_at, 3 * b + 1), peek_int(base_at, 3 * b + 2)
         k_lo = -1e18 if wrap2 else float(-base2)
         k_hi = 1e18 if wrap2 else float(n2 - 1 - base2)
         D2, Y2 = peek(map_at, 6), peek(map_at, 7)

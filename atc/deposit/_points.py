@@ -132,6 +132,29 @@ def near_few(r_at, first, last, end, m, support, cartesian, x_at, apart, n, pair
     return n
 
 
+@njit(**JIT_FMA)
+def _same(x_at, x0, x1, x2):
+    return peek(x_at, 0) == x0 and peek(x_at, 1) == x1 and peek(x_at, 2) == x2
+
+
+@njit(**JIT_FMA)
+def _bin(s, n, periodic):
+    """The bin that s lies in, −1 if none."""
+    k = floor(s)
+    if 0 <= k < n:
+        return k
+    return k % n if periodic else -1
+
+
+@njit(**JIT_FMA)
+def reached(s, pad, n, periodic):
+    """The first and the last bin in reach."""
+    lo, hi = floor(s - pad), floor(s + pad)
+    if periodic:
+        return lo, hi
+    return max(lo, 0), min(hi, n - 1)
+
+
 @njit(**ENTRY)
 def find_pairs(
     state,  # where to go on: the first bond in a row with its start, the bin, the bond; all 0 at first
@@ -140,18 +163,12 @@ def find_pairs(
     r_bc,
     support,
     cartesian,
-    origin_c,  # the cell's
+    cell,  # its origin, vectors, their inverse, one over its heights, periodic axes: tuples
     point_gc,  # relative to the cell's origin, wrapped along periodic axes, sorted by bin
     start_w,  # first point of each bin, and one past the end
-    bins_a,
-    low_a,  # fractional coordinates of the bins' lower corner, and bins per unit
-    scale_a,
-    periodic_a,
-    cell_ac,
-    inverse_ca,
+    bins,  # how many, the fractional coordinates of their lower corner, how many per unit: tuples
     marked,  # other bins: whether a bond that starts there, not longer than `length`, may reach a point
-    mark_low_a,
-    mark_scale_a,
+    mark_bins,  # the lower corner, how many per unit
     length,  # negative: there are none
     buffer_8l,  # room for the points in reach of an atom, more than in any bin
     pair_3l,
@@ -165,13 +182,11 @@ def find_pairs(
     room, full = apart - 4, most - 4
     x_at, pair_at = address(buffer_8l), address(pair_3l)
     bond_at, point_at, r_at = address(bond_l), address(point_l), address(r_bc)
-    x_all_at = address(x_nc)
-    b0, b1, b2 = bins_a[0], bins_a[1], bins_a[2]
-    height_a = np.empty(3)
-    for a in range(3):
-        height_a[a] = sqrt(inverse_ca[0, a] ** 2 + inverse_ca[1, a] ** 2 + inverse_ca[2, a] ** 2)
-    lo_a, hi_a = np.zeros(3, np.int64), np.zeros(3, np.int64)
-    s_a = np.zeros(3)
+    x_all_at, g_at = address(x_nc), address(point_gc)
+    origin, ((v00, v01, v02), (v10, v11, v12), (v20, v21, v22)), inverse, per_height, periodic = cell
+    (i00, i01, i02), (i10, i11, i12), (i20, i21, i22) = inverse
+    (b0, b1, b2), low, scale = bins
+    mark_low, mark_scale = mark_bins
     n = np.int64(0)  # not the literal, for which what it is handed to would be compiled once more
     n_bonds = len(r_bc)
     first, w, b = state[0], state[1], state[2]
@@ -180,61 +195,52 @@ def find_pairs(
         prefetch(x_all_at, 3 * i_b[min(first + _AHEAD, n_bonds - 1)])
         # All bonds in a row that start at the same place.
         o = i_b[first]
-        x0, x1, x2 = x_nc[o, 0], x_nc[o, 1], x_nc[o, 2]
+        x0, x1, x2 = peek(x_all_at, 3 * o), peek(x_all_at, 3 * o + 1), peek(x_all_at, 3 * o + 2)
         last = first + 1
         while last < n_bonds:
             a = i_b[last]
-            if a != o and (x_nc[a, 0] != x0 or x_nc[a, 1] != x1 or x_nc[a, 2] != x2):
+            if a != o and not _same(x_all_at + 24 * a, x0, x1, x2):
                 break
             last += 1
         longest4, total4 = splat4(0.0), splat4(0.0)
         k = first
         while k + 4 <= last:
-            r0, r1, r2 = load_rows4(r_at, 3 * k)
-            many = r0 * r0 + r1 * r1 + r2 * r2
+            a0, a1, a2 = load_rows4(r_at, 3 * k)
+            many = a0 * a0 + a1 * a1 + a2 * a2
             total4 = total4 + many
             longest4 = maximum4(many, longest4)
             k += 4
         longest, total = largest4(longest4), sum4(total4)
         while k < last:
-            length2 = r_bc[k, 0] * r_bc[k, 0] + r_bc[k, 1] * r_bc[k, 1] + r_bc[k, 2] * r_bc[k, 2]
+            r0, r1, r2 = peek(r_at, 3 * k), peek(r_at, 3 * k + 1), peek(r_at, 3 * k + 2)
+            length2 = r0 * r0 + r1 * r1 + r2 * r2
             total += length2
             longest = length2 if length2 > longest else longest
             k += 1
         if not isfinite(x0 + x1 + x2 + total):
             return -1
-        x0, x1, x2 = x0 - origin_c[0], x1 - origin_c[1], x2 - origin_c[2]
-        for a in range(3):
-            s_a[a] = x0 * inverse_ca[0, a] + x1 * inverse_ca[1, a] + x2 * inverse_ca[2, a]
-        empty = False
+        x0, x1, x2 = x0 - origin[0], x1 - origin[1], x2 - origin[2]
+        s0 = x0 * i00 + x1 * i10 + x2 * i20
+        s1 = x0 * i01 + x1 * i11 + x2 * i21
+        s2 = x0 * i02 + x1 * i12 + x2 * i22
         if longest <= length * abs(length):
-            for a in range(3):
-                k = floor((s_a[a] - mark_low_a[a]) * mark_scale_a[a])
-                if not 0 <= k < marked.shape[a]:
-                    empty = empty or not periodic_a[a]
-                    k = k % marked.shape[a]
-                lo_a[a] = k
-            empty = empty or not marked[lo_a[0], lo_a[1], lo_a[2]]
-        if empty:
-            first, w, b = last, 0, last
-            continue
+            k0 = _bin((s0 - mark_low[0]) * mark_scale[0], marked.shape[0], periodic[0])
+            k1 = _bin((s1 - mark_low[1]) * mark_scale[1], marked.shape[1], periodic[1])
+            k2 = _bin((s2 - mark_low[2]) * mark_scale[2], marked.shape[2], periodic[2])
+            if min(k0, k1, k2) < 0 or not marked[k0, k1, k2]:
+                first, w, b = last, 0, last
+                continue
         reach = (support + sqrt(longest)) * (1.0 + 1e-12)
-        for a in range(3):
-            s = (s_a[a] - low_a[a]) * scale_a[a]
-            pad = reach * height_a[a] * scale_a[a] + 1e-9
-            lo_a[a] = floor(s - pad)
-            hi_a[a] = floor(s + pad)
-            if not periodic_a[a]:
-                lo_a[a] = max(lo_a[a], 0)
-                hi_a[a] = min(hi_a[a], bins_a[a] - 1)
-            empty = empty or hi_a[a] < lo_a[a]
-        span1, span2 = hi_a[1] - lo_a[1] + 1, hi_a[2] - lo_a[2] + 1
-        end = 0 if empty else (hi_a[0] - lo_a[0] + 1) * span1 * span2
+        lo0, hi0 = reached((s0 - low[0]) * scale[0], reach * per_height[0] * scale[0] + 1e-9, b0, periodic[0])
+        lo1, hi1 = reached((s1 - low[1]) * scale[1], reach * per_height[1] * scale[1] + 1e-9, b1, periodic[1])
+        lo2, hi2 = reached((s2 - low[2]) * scale[2], reach * per_height[2] * scale[2] + 1e-9, b2, periodic[2])
+        span0, span1, span2 = max(hi0 - lo0 + 1, 0), max(hi1 - lo1 + 1, 0), max(hi2 - lo2 + 1, 0)
+        end = span0 * span1 * span2
         while w < end:
             # Points in reach, of as many bins as there is room for ...
             begin = w
             m = 0
-            c0, c1, c2 = lo_a[0] + w // (span1 * span2), lo_a[1] + w // span2 % span1, lo_a[2] + w % span2
+            c0, c1, c2 = lo0 + w // (span1 * span2), lo1 + w // span2 % span1, lo2 + w % span2
             m0, m1, m2 = c0 // b0, c1 // b1, c2 // b2
             while w < end:
                 bin_ = ((c0 - m0 * b0) * b1 + c1 - m1 * b1) * b2 + c2 - m2 * b2
@@ -242,11 +248,11 @@ def find_pairs(
                 if m + g_end - g > room:
                     break
                 if g < g_end:
-                    p0 = x0 - (m0 * cell_ac[0, 0] + m1 * cell_ac[1, 0] + m2 * cell_ac[2, 0])
-                    p1 = x1 - (m0 * cell_ac[0, 1] + m1 * cell_ac[1, 1] + m2 * cell_ac[2, 1])
-                    p2 = x2 - (m0 * cell_ac[0, 2] + m1 * cell_ac[1, 2] + m2 * cell_ac[2, 2])
+                    p0 = x0 - (m0 * v00 + m1 * v10 + m2 * v20)
+                    p1 = x1 - (m0 * v01 + m1 * v11 + m2 * v21)
+                    p2 = x2 - (m0 * v02 + m1 * v12 + m2 * v22)
                     while g < g_end:
-                        d0, d1, d2 = p0 - point_gc[g, 0], p1 - point_gc[g, 1], p2 - point_gc[g, 2]
+                        d0, d1, d2 = p0 - peek(g_at, 3 * g), p1 - peek(g_at, 3 * g + 1), p2 - peek(g_at, 3 * g + 2)
                         poke(x_at, m, d0)
                         poke(x_at, apart + m, d1)
                         poke(x_at, 2 * apart + m, d2)
@@ -256,13 +262,13 @@ def find_pairs(
                 w += 1
                 c2 += 1
                 m2 += c2 - m2 * b2 == b2
-                if c2 > hi_a[2]:
-                    c2 = lo_a[2]
+                if c2 > hi2:
+                    c2 = lo2
                     m2 = c2 // b2
                     c1 += 1
                     m1 += c1 - m1 * b1 == b1
-                    if c1 > hi_a[1]:
-                        c1 = lo_a[1]
+                    if c1 > hi1:
+                        c1 = lo1
                         m1 = c1 // b1
                         c0 += 1
                         m0 += c0 - m0 * b0 == b0
@@ -280,9 +286,9 @@ def find_pairs(
                         state[0], state[1], state[2] = first, begin, b
                         return n
                     n = near(
-                        r_bc[b, 0],
-                        r_bc[b, 1],
-                        r_bc[b, 2],
+                        peek(r_at, 3 * b),
+                        peek(r_at, 3 * b + 1),
+                        peek(r_at, 3 * b + 2),
                         m,
                         support,
                         cartesian,

@@ -64,6 +64,12 @@ def _array(a, dtype=np.float64):
     return a if a.flags.writeable else a.copy()
 
 
+def as_tuple(a):
+    """The numbers of a small array, as a tuple of tuples: what loops take that is the same in every turn. Compiling
+    that reads them costs a fraction of what reading arrays does."""
+    return tuple(map(as_tuple, a)) if np.ndim(a) > 1 else tuple(np.asarray(a).tolist())
+
+
 class Deposit:
     """What all deposits share: the accumulators and the three ways to add. See `atc.deposit.make`."""
 
@@ -187,7 +193,8 @@ class LatticeDeposit(Deposit):
             wrap[self._order],
         )
         self.inverse = np.linalg.inv(self.steps)
-        self.reach, self.offset = np.linalg.norm(self.inverse, axis=0), _array(grid.origin)
+        self.reach = np.linalg.norm(self.inverse, axis=0)
+        self._lattice = [as_tuple(a) for a in (grid.origin, self.steps, self.inverse, self.counts, self.wrap)]
         # Where the lattice does not close on itself, periodic images of a bond are bonds of their own: shifts along
         # these axes.
         self.image = np.flatnonzero(self.cell.periodic) if not grid.wraps else np.zeros(0, np.int64)
@@ -244,12 +251,8 @@ class LatticeDeposit(Deposit):
             x_nc,
             i_b,
             r_bc,
-            origin,
-            self.offset,
-            self.steps,
-            self.inverse,
-            self.counts,
-            self.wrap,
+            as_tuple(origin),
+            *self._lattice,
             TINY * self.radii[0],
             map_bk,
             end_bk,
@@ -267,7 +270,7 @@ class LatticeDeposit(Deposit):
         rows = 512 * (1 + rows // 512) + 8
         self._visits[thread] += self._core(
             map_bk, end_bk, base_ba, length_b, r_bc, frame_bcc, b_bk, self.radii, self.coef,
-            self.reach, self.counts, self.wrap, acc, self.ext, np.zeros((15, rows)), np.zeros(ROOM),
+            as_tuple(self.reach), *self._lattice[3:], acc, self.ext, np.zeros((15, rows)), np.zeros(ROOM),
         )  # fmt: skip
 
     def _finish(self, total, n_comp):
@@ -337,14 +340,13 @@ class PointsDeposit(Deposit):
 
         self._fullest = int(np.diff(self.start).max(initial=0))
         self._periodic = _array(cell.periodic, bool)
+        self._geometry = tuple(
+            as_tuple(a) for a in (self._origin, self._vectors, self._inverse, 1.0 / cell.heights, self._periodic)
+        )
+        self._bins = tuple(as_tuple(a) for a in (self.bins, self.low, self.scale))
         self._room: dict = {}
         # Without `expect`: none of them, and nothing is left out by them.
-        self._marked, self._mark_low, self._mark_scale, self._length = (
-            np.ones((1, 1, 1), bool),
-            np.zeros(3),
-            np.ones(3),
-            -1.0,
-        )
+        self._marked, self._mark_bins, self._length = np.ones((1, 1, 1), bool), (3 * (0.0,), 3 * (1.0,)), -1.0
 
     def expect(self, length: float) -> None:
         """Most bonds will not be longer than this: those that start where no point is in reach are passed over quickly,
@@ -362,16 +364,14 @@ class PointsDeposit(Deposit):
         bins = np.clip((span * cell.heights * _BINS_EACH / reach).astype(np.int64), 1, 128)
         edges = np.ascontiguousarray(cell.vectors * (span / bins)[:, None])
         half = 0.5 * max(np.linalg.norm(np.array(sign) @ edges) for sign in itertools.product((-1, 1), repeat=3))
-        self._marked, self._mark_low, self._mark_scale, self._length = (
+        scale = bins / span
+        self._marked, self._mark_bins, self._length = (
             np.zeros(bins, bool),
-            low,
-            bins / span,
+            (as_tuple(low), as_tuple(scale)),
             float(length),
         )
-        pad = (reach + half) * (1 + 1e-9) / cell.heights * self._mark_scale
-        _points.mark(
-            (s - low) * self._mark_scale, pad, ((reach + half) * (1 + 1e-9)) ** 2, edges, self._periodic, self._marked
-        )
+        far = (reach + half) * (1 + 1e-9)
+        _points.mark((s - low) * scale, far / cell.heights * scale, far**2, edges, self._periodic, self._marked)
 
     def find(self, x_nc, i_b, r_bc, thread=0):
         """Which bonds have points within reach: pieces, each to be given to `add_found` before the next is asked for.
@@ -416,20 +416,14 @@ class PointsDeposit(Deposit):
                 x_nc,
                 i_b,
                 r_bc,
-                self.radii[0],
+                float(self.radii[0]),
                 self._cartesian,
-                self._origin,
+                self._geometry,
                 self.points,
                 self.start,
-                self.bins,
-                self.low,
-                self.scale,
-                self._periodic,
-                self._vectors,
-                self._inverse,
+                self._bins,
                 self._marked,
-                self._mark_low,
-                self._mark_scale,
+                self._mark_bins,
                 self._length,
                 room,
                 *pairs,

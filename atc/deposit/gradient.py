@@ -8,14 +8,15 @@ of threads.
 from __future__ import annotations
 
 from functools import cache
-from math import floor, sqrt
 
 import numpy as np
 
 from ..compiled import specialise
 from ..errors import AtcError
 from ..kernels.binned import profile_of
-from ..simd import JIT
+from ..simd import JIT, address, peek
+from ._points import reached
+from .direct import as_tuple
 
 # Replaced in each copy (see `compiled.specialise`).
 VALUE = None
@@ -68,7 +69,9 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1, 
         add = _core(kernel.compiled, squared)
         x, order, start, bins, low, scale = _bins(cell, np.asarray(x_nc) - cell.origin, kernel.support)
         w = np.zeros(0) if w_n is None else np.ascontiguousarray(np.asarray(w_n, float)[order])
-        rest = (radii, coef, x, a_nk[order], w, start, bins, low, scale, cell.periodic, cell.vectors, cell.inverse)
+        bins = tuple(map(as_tuple, (bins, low, scale)))
+        geometry = tuple(map(as_tuple, (cell.vectors, cell.inverse, 1.0 / cell.heights, cell.periodic)))
+        rest = (radii, coef, x, a_nk[order], w, start, bins, geometry)
 
         def part(a, b):
             add(points[a:b], *rest, values[a:b], gradients[a:b])
@@ -116,7 +119,7 @@ def _sorted(x, s, periodic, vectors, bins, low, scale):
     return x[order], order, np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=many))])
 
 
-def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients):
+def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, values, gradients):
     """Points and atoms relative to the cell's origin, atoms sorted by bin."""
     support = radii[0]
     support2 = support * support
@@ -125,29 +128,28 @@ def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, perio
     gradient = len(gradients) > 0
     g = np.zeros(3)
     d = np.zeros(3)
-    lo = np.zeros(3, np.int64)
-    hi = np.zeros(3, np.int64)
+    (n0, n1, n2), low, scale = bins
+    vectors, inverse, per_height, periodic = cell
+    (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = vectors
+    (i00, i01, i02), (i10, i11, i12), (i20, i21, i22) = inverse
     for p in range(len(points)):
         p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
-        for a in range(3):
-            h0, h1, h2 = inverse[0, a], inverse[1, a], inverse[2, a]
-            s = (p0 * h0 + p1 * h1 + p2 * h2 - low[a]) * scale[a]
-            pad = support * sqrt(h0 * h0 + h1 * h1 + h2 * h2) * scale[a] + 1e-9
-            lo[a] = floor(s - pad)
-            hi[a] = floor(s + pad)
-            if not periodic[a]:
-                lo[a] = max(lo[a], 0)
-                hi[a] = min(hi[a], bins[a] - 1)
-        for c0 in range(lo[0], hi[0] + 1):
-            m0 = c0 // bins[0]
-            for c1 in range(lo[1], hi[1] + 1):
-                m1 = c1 // bins[1]
-                for c2 in range(lo[2], hi[2] + 1):
-                    m2 = c2 // bins[2]
-                    at = ((c0 - m0 * bins[0]) * bins[1] + c1 - m1 * bins[1]) * bins[2] + c2 - m2 * bins[2]
-                    q0 = m0 * cell[0, 0] + m1 * cell[1, 0] + m2 * cell[2, 0] - p0
-                    q1 = m0 * cell[0, 1] + m1 * cell[1, 1] + m2 * cell[2, 1] - p1
-                    q2 = m0 * cell[0, 2] + m1 * cell[1, 2] + m2 * cell[2, 2] - p2
+        s0 = (p0 * i00 + p1 * i10 + p2 * i20 - low[0]) * scale[0]
+        s1 = (p0 * i01 + p1 * i11 + p2 * i21 - low[1]) * scale[1]
+        s2 = (p0 * i02 + p1 * i12 + p2 * i22 - low[2]) * scale[2]
+        lo0, hi0 = reached(s0, support * per_height[0] * scale[0] + 1e-9, n0, periodic[0])
+        lo1, hi1 = reached(s1, support * per_height[1] * scale[1] + 1e-9, n1, periodic[1])
+        lo2, hi2 = reached(s2, support * per_height[2] * scale[2] + 1e-9, n2, periodic[2])
+        for c0 in range(lo0, hi0 + 1):
+            m0 = c0 // n0
+            for c1 in range(lo1, hi1 + 1):
+                m1 = c1 // n1
+                for c2 in range(lo2, hi2 + 1):
+                    m2 = c2 // n2
+                    at = ((c0 - m0 * n0) * n1 + c1 - m1 * n1) * n2 + c2 - m2 * n2
+                    q0 = m0 * v00 + m1 * v10 + m2 * v20 - p0
+                    q1 = m0 * v01 + m1 * v11 + m2 * v21 - p1
+                    q2 = m0 * v02 + m1 * v12 + m2 * v22 - p2
                     for n in range(start[at], start[at + 1]):
                         d[0], d[1], d[2] = x_nc[n, 0] + q0, x_nc[n, 1] + q1, x_nc[n, 2] + q2
                         r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
@@ -169,42 +171,40 @@ def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, perio
                                         gradients[p, k + b, c] -= a_ * g[c]
 
 
-def _gather_squares(
-    points, radii, coef, x_nc, a_nk, w_n, start, bins, low, scale, periodic, cell, inverse, values, gradients
-):
+def _gather_squares(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, values, gradients):
     """Σ_n a_n (Σ_images φ)²: what `_gather` takes, without moments and gradients."""
     support = radii[0]
     support2 = support * support
     k = a_nk.shape[1]
     g = np.zeros(3)
-    lo = np.zeros(3, np.int64)
-    hi = np.zeros(3, np.int64)
+    (n0, n1, n2), low, scale = bins
+    vectors, inverse, per_height, periodic = cell
+    (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = vectors
+    (i00, i01, i02), (i10, i11, i12), (i20, i21, i22) = inverse
+    x_at = address(x_nc)
     phi_n = np.zeros(len(x_nc))
     seen = np.zeros(len(x_nc), np.int64)
     for p in range(len(points)):
         count = 0
         p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
-        for a in range(3):
-            h0, h1, h2 = inverse[0, a], inverse[1, a], inverse[2, a]
-            s = (p0 * h0 + p1 * h1 + p2 * h2 - low[a]) * scale[a]
-            pad = support * sqrt(h0 * h0 + h1 * h1 + h2 * h2) * scale[a] + 1e-9
-            lo[a] = floor(s - pad)
-            hi[a] = floor(s + pad)
-            if not periodic[a]:
-                lo[a] = max(lo[a], 0)
-                hi[a] = min(hi[a], bins[a] - 1)
-        for c0 in range(lo[0], hi[0] + 1):
-            m0 = c0 // bins[0]
-            for c1 in range(lo[1], hi[1] + 1):
-                m1 = c1 // bins[1]
-                for c2 in range(lo[2], hi[2] + 1):
-                    m2 = c2 // bins[2]
-                    at = ((c0 - m0 * bins[0]) * bins[1] + c1 - m1 * bins[1]) * bins[2] + c2 - m2 * bins[2]
-                    q0 = m0 * cell[0, 0] + m1 * cell[1, 0] + m2 * cell[2, 0] - p0
-                    q1 = m0 * cell[0, 1] + m1 * cell[1, 1] + m2 * cell[2, 1] - p1
-                    q2 = m0 * cell[0, 2] + m1 * cell[1, 2] + m2 * cell[2, 2] - p2
+        s0 = (p0 * i00 + p1 * i10 + p2 * i20 - low[0]) * scale[0]
+        s1 = (p0 * i01 + p1 * i11 + p2 * i21 - low[1]) * scale[1]
+        s2 = (p0 * i02 + p1 * i12 + p2 * i22 - low[2]) * scale[2]
+        lo0, hi0 = reached(s0, support * per_height[0] * scale[0] + 1e-9, n0, periodic[0])
+        lo1, hi1 = reached(s1, support * per_height[1] * scale[1] + 1e-9, n1, periodic[1])
+        lo2, hi2 = reached(s2, support * per_height[2] * scale[2] + 1e-9, n2, periodic[2])
+        for c0 in range(lo0, hi0 + 1):
+            m0 = c0 // n0
+            for c1 in range(lo1, hi1 + 1):
+                m1 = c1 // n1
+                for c2 in range(lo2, hi2 + 1):
+                    m2 = c2 // n2
+                    at = ((c0 - m0 * n0) * n1 + c1 - m1 * n1) * n2 + c2 - m2 * n2
+                    q0 = m0 * v00 + m1 * v10 + m2 * v20 - p0
+                    q1 = m0 * v01 + m1 * v11 + m2 * v21 - p1
+                    q2 = m0 * v02 + m1 * v12 + m2 * v22 - p2
                     for n in range(start[at], start[at + 1]):
-                        d0, d1, d2 = x_nc[n, 0] + q0, x_nc[n, 1] + q1, x_nc[n, 2] + q2
+                        d0, d1, d2 = peek(x_at, 3 * n) + q0, peek(x_at, 3 * n + 1) + q1, peek(x_at, 3 * n + 2) + q2
                         r2 = d0 * d0 + d1 * d1 + d2 * d2
                         if r2 >= support2:
                             continue

@@ -147,13 +147,14 @@ def extent_of(field_g) -> Extent:
     if not field_g.size:
         return Extent(0.0, 0.0, 0.0)
     field_gk = np.ascontiguousarray(field_g, dtype=np.float64).reshape(len(field_g), -1)
-    low, high, mean = np.fmin.reduce(field_gk), np.fmax.reduce(field_gk), field_gk.mean(0)
     values = field_gk.ravel()
-    return Extent(
-        float(max(high.max(), -low.min())),
-        float(max((high - mean).max(), (mean - low).max())),
-        float(np.sqrt(np.einsum("n,n->", values, values) / len(values))),
-    )
+    with np.errstate(all="ignore"):  # what is not finite is seen by those who ask
+        low, high, mean = np.fmin.reduce(field_gk), np.fmax.reduce(field_gk), field_gk.mean(0)
+        return Extent(
+            float(max(high.max(), -low.min())),
+            float(max((high - mean).max(), (mean - low).max())),
+            float(np.sqrt(np.einsum("n,n->", values, values) / len(values))),
+        )
 
 
 def tolerance_kept(errors: dict[str, float], tolerance: float) -> str | None:
