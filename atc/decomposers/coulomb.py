@@ -139,6 +139,7 @@ class CoulombWolf(_Damped):
 
 
 def coulomb_constant(inp: StyleInput) -> float:
+    """C/ε of the model, internal units."""
     return inp.units.coulomb / inp.dielectric
 
 
@@ -156,6 +157,7 @@ def _coul_cut_style(inp: StyleInput):
 
 
 def positive(inp: StyleInput, cutoff: float) -> float:
+    """The cutoff of the Coulomb part; raises AtcError unless it is positive."""
     inp.require(None if cutoff > 0 else "the Coulomb cutoff must be positive")
     return cutoff
 
