@@ -151,13 +151,18 @@ class Crystal:
 
     def frame(self) -> Frame:
         """The unit cell as a periodic frame."""
+        return self.copies(self.positions, Cell(self.vectors))
+
+    def copies(self, x_nc, cell: Cell, source: str | None = None) -> Frame:
+        """A frame of some copies of the unit cell's atoms, one cell after the other, at positions x_nc."""
+        count = len(x_nc) // len(self)
         return Frame(
-            self.positions,
-            Cell(self.vectors),
+            x_nc,
+            cell,
             self.units,
-            types=self.types,
-            masses=self.masses,
-            source=self.name,
+            types=np.tile(self.types, count),
+            masses=np.tile(self.masses, count),
+            source=source or self.name,
             type_names=dict(self.type_names),
         )
 
@@ -188,15 +193,7 @@ class Crystal:
         cells = self.lattice_points(repeat)
         n = len(self)
         x = (cells @ self.vectors)[:, None, :] + self.positions[None]
-        frame = Frame(
-            x.reshape(-1, 3),
-            Cell(self.vectors * np.array(repeat)[:, None]),
-            self.units,
-            types=np.tile(self.types, len(cells)),
-            masses=np.tile(self.masses, len(cells)),
-            source=self.name,
-            type_names=dict(self.type_names),
-        )
+        frame = self.copies(x.reshape(-1, 3), Cell(self.vectors * np.array(repeat)[:, None]))
         return frame, np.tile(np.arange(n), len(cells))
 
     def direction(self, direction) -> np.ndarray:
