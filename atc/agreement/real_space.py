@@ -91,17 +91,11 @@ def coulomb_doubt(frame, pot, threads: int = 1) -> CoulombDoubt | None:
     n = len(frame)
     near = copy(pot)
     near.constraints = None
-    near.terms = [
-        type(t)(
-            [_Bare(s) for s in coulomb_of([t])],
-            t.n_types,
-            t.special,
-            t.grow and (lambda top, grow=t.grow: [_Bare(s) for s in grow(top) if isinstance(s, CoulombLong)]),
-            t.exclusions,
-            t.kinds,
-        )
-        for t in terms
-    ]
+    near.terms = []
+    for t in terms:
+        grow = t.grow and (lambda top, grow=t.grow: [_Bare(s) for s in grow(top) if isinstance(s, CoulombLong)])
+        bare = [_Bare(s) for s in coulomb_of([t])]
+        near.terms.append(type(t)(bare, t.n_types, t.special, grow, t.exclusions, t.kinds))
     styles = coulomb_of(terms)
     relative = max(relative_error(s, pot.units.length) for s in styles)
     cutoff = max(s.reach for s in styles)

@@ -123,16 +123,9 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     if first is None:
         raise AtcError("no frames were given: a conductivity needs a trajectory")
     step, notes = _time_step(clock, first, None if dt is None else _positive(dt, "dt", first.units))
-    return HeatCurrents(
-        np.array(J),
-        float(step),
-        float(np.mean(volumes)),
-        float(np.mean(temperatures)),
-        first.units,
-        len(first),
-        str(first.source),
-        [*notes, *paths.notes()],
-    )
+    means = float(np.mean(volumes)), float(np.mean(temperatures))
+    about = first.units, len(first), str(first.source), [*notes, *paths.notes()]
+    return HeatCurrents(np.array(J), float(step), *means, *about)
 
 
 def _time_step(clock, frame, given) -> tuple[float, list[str]]:
@@ -219,13 +212,9 @@ def species(frame) -> tuple[np.ndarray, list[str]]:
     content = np.zeros((count, len(values)), np.int64)
     np.add.at(content, (molecule, kinds), 1)
     unique, which = np.unique(content, axis=0, return_inverse=True)
-    called = [
-        "molecules of " + " + ".join(f"{m} {labels[k]}" for k, m in enumerate(row) if m)
-        if row.sum() > 1
-        else labels[int(row.argmax())]
-        for row in unique
-    ]
-    return which.reshape(-1)[molecule], called
+    called = [" + ".join(f"{m} {labels[k]}" for k, m in enumerate(row) if m) for row in unique]
+    alone = [labels[int(row.argmax())] if row.sum() == 1 else None for row in unique]
+    return which.reshape(-1)[molecule], [one or f"molecules of {of}" for one, of in zip(alone, called)]
 
 
 @dataclass
@@ -337,16 +326,9 @@ class Conductivity:
             axes.plot(t, y, color="C0")
             axes.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
             axes.set_ylabel(label)
-        below.errorbar(
-            [np.mean(self.plateau)],
-            [self.value],
-            yerr=[self.stderr],
-            xerr=[[np.ptp(self.plateau) / 2]] * 2,
-            color="C3",
-            capsize=3,
-            zorder=3,
-            label=f"{_pm(self.value, self.stderr)} {self.units}",
-        )
+        bars = {"yerr": [self.stderr], "xerr": [[np.ptp(self.plateau) / 2]] * 2, "capsize": 3, "zorder": 3}
+        label = f"{_pm(self.value, self.stderr)} {self.units}"
+        below.errorbar([np.mean(self.plateau)], [self.value], **bars, color="C3", label=label)
         below.legend(frameon=False)
         below.set_xlabel(f"t ({self.time_units})")
         figure.suptitle("Heat current: autocorrelation and Green-Kubo integral")
@@ -596,12 +578,10 @@ def _currents(source, pot, dt, volume, temperature, units_, threads, progress) -
         raise AtcError(
             f"{source}: give frames, not a file name: atc.conductivity(atc.read({str(source)!r}), potential)"
         )
-    if isinstance(source, np.ndarray) or (
-        isinstance(source, (list, tuple)) and len(source) and np.ndim(source[0]) == 1
-    ):
-        missing = [
-            n for n, v in (("dt", dt), ("volume", volume), ("temperature", temperature), ("units", units_)) if v is None
-        ]
+    listed = isinstance(source, (list, tuple)) and len(source) and np.ndim(source[0]) == 1
+    if isinstance(source, np.ndarray) or listed:
+        given = {"dt": dt, "volume": volume, "temperature": temperature, "units": units_}
+        missing = [name for name, value in given.items() if value is None]
         if missing:
             raise AtcError(
                 f"heat currents as an array need {', '.join(missing)}: give them as keywords, in the units of the array"

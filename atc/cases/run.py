@@ -8,7 +8,6 @@ missing, and writes the entry from the state.
 
 from __future__ import annotations
 
-import os
 import time
 import zipfile
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 from ..errors import AtcError
 from ..running.interruption import asked, whole
 from ..running.output import Layout, Store, Variable, explained, open_dataset
+from ..running.whole import renamed
 from .fields import CaseFields
 
 # Wall seconds between two saved states, beside those of the entries.
@@ -151,10 +151,8 @@ def _request(case) -> dict:
 
 def save_arrays(path, arrays: dict) -> None:
     """An .npz written beside its name and renamed."""
-    path = Path(path)
-    temporary = path.with_name(path.name + ".tmp.npz")
-    np.savez(temporary, **arrays)
-    os.replace(temporary, path)
+    with renamed(Path(path)) as part, open(part, "wb") as f:
+        np.savez(f, **arrays)
 
 
 def load_state(path):

@@ -80,11 +80,9 @@ def fields(
 def _summary(attributes: dict, out, seconds: float, progress: Progress) -> None:
     """Closing lines: where the result is, what is in it, how accurate it is, how long it took."""
     computed = progress.total - progress.there
-    before = (
-        f"{progress.there} of {progress.total} frames were there, {computed} computed"
-        if progress.there
-        else f"{computed} frame{'s' * (computed != 1)}"
-    )
+    before = f"{computed} frame{'s' * (computed != 1)}"
+    if progress.there:
+        before = f"{progress.there} of {progress.total} frames were there, {computed} computed"
     print(f"{out}: {attributes['quantities']}")
     error = attributes.get("measured_error")
     if error is not None:

@@ -43,17 +43,9 @@ def info(
     if len(trajectory) == 1 and is_output(trajectory[0]):
         report = describe_output(trajectory[0])
     elif len(trajectory) == 1 and trajectory[0].endswith(".toml"):
-        given = [
-            flag
-            for flag, value in (
-                ("--topology", topology),
-                ("--units", units),
-                ("--masses", masses),
-                ("--dimension", dimension),
-                ("--atom-style", atom_style),
-            )
-            if value is not None
-        ]
+        given = {"topology": topology, "units": units, "masses": masses, "dimension": dimension}
+        given |= {"atom-style": atom_style}
+        given = [f"--{name}" for name, value in given.items() if value is not None]
         if given:
             raise AtcError(f"{given[0]} goes with a trajectory; in a scene it is a key of [trajectory]")
         report = describe_scene(load_scene(trajectory[0], None))

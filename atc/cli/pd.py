@@ -81,11 +81,8 @@ def _held_together(case, sim) -> list[str]:
         if rule.Gc is not None and np.isfinite(rule.Gc[sim.model.kinds[pair]]):
             return f"break when the work on them is their share of Gc = {rule.Gc[sim.model.kinds[pair]]:.4g}"
         s00, alpha = rule.s00[sim.model.kinds[pair]], rule.alpha[sim.model.kinds[pair]]
-        return (
-            f"break at a stretch of {s00:.4g}{f', alpha {alpha:g}' if alpha else ''}"
-            if np.isfinite(s00)
-            else "never break"
-        )
+        more = f", alpha {alpha:g}" if alpha else ""
+        return f"break at a stretch of {s00:.4g}{more}" if np.isfinite(s00) else "never break"
 
     lines = [
         f"material {n}{names.get(n, '')}: {m.name}, {int((numbers == n).sum())} nodes, {bonds.get((n, n), 0)} bonds "
@@ -111,11 +108,9 @@ def summary(ds, out, seconds, progress) -> None:
     print(f"{out}: {ds.attrs['quantities']} of {ds.sizes['node']} nodes at {ds.sizes['frame']} times")
     total = ds["energy_total"].values
     moved = max(float(abs(ds[f"energy_{k}"]).max()) for k in ("kinetic", "strain", "work_external", "work_constraint"))
-    drift = (
-        f"; the energy ledger closes to {abs(total - total[0]).max() / moved:.1e} of its largest part"
-        if moved > 0
-        else ""
-    )
+    drift = ""
+    if moved > 0:
+        drift = f"; the energy ledger closes to {abs(total - total[0]).max() / moved:.1e} of its largest part"
     print(
         f"broken bonds: {int(ds['n_broken'][-1])} of {ds.attrs['bonds']}; largest damage "
         f"{float(ds['damage'][-1].max()) if 'damage' in ds else float('nan'):.3g}{drift}"

@@ -70,18 +70,9 @@ def lj(
     """Section 5 of the paper: the Lennard-Jones chain, its shocks and energies, claim by claim."""
     from ..upscaling.reports.lennard_jones import lj_report
 
-    _table(
-        lj_report(
-            output,
-            half_width=half_width,
-            amplitude=amplitude,
-            dt=dt,
-            duration=duration,
-            beyond_spinodal=beyond_spinodal,
-            progress=_teller(quiet),
-        ),
-        quiet,
-    )
+    bump = {"half_width": half_width, "amplitude": amplitude}
+    how = {"dt": dt, "duration": duration, "beyond_spinodal": beyond_spinodal, "progress": _teller(quiet)}
+    _table(lj_report(output, **bump, **how), quiet)
 
 
 @group.command()
@@ -129,8 +120,7 @@ def series(
             )
         return
     if inner is not None:
-        if count == "exact":
-            count = 1
+        count = 1 if count == "exact" else count
         terms = inner_series(inner, count)
     else:
         terms = spring_series(order, count)
@@ -138,17 +128,8 @@ def series(
     verdicts = [] if count == "exact" else [str(well_posedness(terms[: m + 1])) for m in range(len(terms))]
     length = "Na" if count == "leading" else "a"
     if json:
-        print(
-            _json.dumps(
-                {
-                    "length": length,
-                    "gradient": list(map(str, terms)),
-                    "dispersion": list(map(str, waves)),
-                    "well_posedness": verdicts,
-                },
-                indent=1,
-            )
-        )
+        found = {"length": length, "gradient": list(map(str, terms)), "dispersion": list(map(str, waves))}
+        print(_json.dumps({**found, "well_posedness": verdicts}, indent=1))
         return
     print(f"rho y_tt = K1 sum of c_m L^(2m-2) d^(2m)y/dx^(2m), L = {length};   omega = c k sum of d_m (kL)^(2m)")
     for m, (c, d) in enumerate(zip(terms, waves), 1):

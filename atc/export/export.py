@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..pictures.geometry import grid_dims, points_of_grid
+from ..running.whole import renamed
 
 FORMATS = (".pvd", ".vtu", ".vti", ".vts", ".grid", ".extxyz", ".xyz")
 
@@ -166,9 +167,8 @@ class _Fields(_Source):
         if self.place.kind not in ("volume",) or self.moving:
             return False
         steps = np.asarray(self.place.steps)
-        return bool(
-            np.abs(steps - np.diag(np.diag(steps))).max() <= 1e-12 * np.abs(steps).max() and (np.diag(steps) >= 0).all()
-        )
+        off = np.abs(steps - np.diag(np.diag(steps))).max()
+        return bool(off <= 1e-12 * np.abs(steps).max() and (np.diag(steps) >= 0).all())
 
     def points(self, k):
         if self.moving:
@@ -189,15 +189,8 @@ class _Fields(_Source):
         arrays = {n: a.reshape(*self.shape, *a.shape[len(self.dims) :]) for n, a in self.arrays(k).items()}
         if self.suffix == ".vti":
             spacing = np.diag(self.place.steps)
-            write_image(
-                path,
-                self.lattice[0, 0, 0],
-                np.where(spacing > 0, spacing, 1.0),
-                self.shape,
-                arrays,
-                about,
-                self.units(),
-            )
+            spacing = np.where(spacing > 0, spacing, 1.0)
+            write_image(path, self.lattice[0, 0, 0], spacing, self.shape, arrays, about, self.units())
         else:
             write_lattice(path, self.points(k).reshape(*self.shape, 3), arrays, about, self.units())
 
@@ -229,13 +222,8 @@ def _write_grid(source, target, which) -> Path:
             arrays = {n: a.reshape(*shape, *a.shape[len(source.dims) :]) for n, a in source.arrays(k).items()}
             time = float(ds["time"].values[k]) if "time" in ds else np.nan
             step = int(ds["step"].values[k]) if "step" in ds else -1
-            yield (
-                *region_of(points, cell, periodic),
-                columns_of(arrays, 3),
-                step if step >= 0 else k,
-                time if np.isfinite(time) else None,
-                ds.attrs.get("units"),
-            )
+            when = step if step >= 0 else k, time if np.isfinite(time) else None
+            yield (*region_of(points, cell, periodic), columns_of(arrays, 3), *when, ds.attrs.get("units"))
 
     write_grid(target, frames())
     return target
@@ -248,11 +236,10 @@ def _write_xyz(source, target, which) -> Path:
         raise AtcError(
             f"{target}: extended XYZ holds points, atoms and nodes; this output is on a {source.place.kind}: take .pvd"
         )
-    temporary = target.with_name(target.name + ".tmp")
     cells = source.ds["cell"].values if "cell" in source.ds else None
     periodic = str(source.ds.attrs.get("periodic", "fff"))
     units = source.units()
-    with open(temporary, "w") as f:
+    with renamed(target) as part, open(part, "w") as f:
         for k in which:
             x = source.points(k)
             columns, properties = [x], ["species:S:1", "pos:R:3"]
@@ -276,5 +263,4 @@ def _write_xyz(source, target, which) -> Path:
             texts = [c.astype(int) if c.dtype.kind in "bi" else c for c in columns]
             for n in range(len(x)):
                 f.write("X " + " ".join(repr(v) for c in texts for v in c[n].tolist()) + "\n")
-    os.replace(temporary, target)
     return target

@@ -3,11 +3,10 @@ a column for each component by its name (``stress_xy``)."""
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 
 from ..errors import AtcError
+from ..running.whole import renamed
 from ..units import LAMMPS_STYLES
 
 _LETTERS = "xyz"
@@ -94,8 +93,7 @@ def write_grid(target, frames) -> None:
 
     frames : iterable of (vectors, origin, flags, {column: (nx, ny, nz)}, step, time or None, units or None)
     """
-    temporary = target.with_name(target.name + ".tmp")
-    with open(temporary, "w") as f:
+    with renamed(target) as part, open(part, "w") as f:
         for k, (vectors, origin, flags, columns, step, time, units) in enumerate(frames):
             shape = next(iter(columns.values())).shape
             # LAMMPS names the units once, above the first frame, and OVITO finds no more frames if they come again.
@@ -105,4 +103,3 @@ def write_grid(target, frames) -> None:
                 for a in columns.values()
             ]
             f.writelines(" ".join(row) + "\n" for row in zip(*texts, strict=True))
-    os.replace(temporary, target)

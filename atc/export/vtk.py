@@ -15,6 +15,8 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
+from ..running.whole import renamed
+
 _TYPES = {"f8": "Float64", "f4": "Float32", "i4": "Int32", "i8": "Int64", "u1": "UInt8", "i2": "Int16"}
 
 
@@ -44,11 +46,8 @@ class _Arrays:
         raise NotImplementedError
 
     def point_data(self, arrays: dict, units: dict | None) -> str:
-        return (
-            "<PointData>"
-            + "".join(self.array(name, a, (units or {}).get(name)) for name, a in arrays.items())
-            + "</PointData>"
-        )
+        data = "".join(self.array(name, a, (units or {}).get(name)) for name, a in arrays.items())
+        return f"<PointData>{data}</PointData>"
 
     def field_data(self, values: dict) -> str:
         if not values:
@@ -60,17 +59,10 @@ class _Arrays:
         return "<FieldData>" + "".join(out) + "</FieldData>"
 
     def write(self, path: Path, kind: str, body: str) -> None:
-        head = (
-            f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" '
-            f'header_type="UInt64">\n{body}\n'
-        )
-        temporary = path.with_name(path.name + ".tmp")
-        with open(temporary, "wb") as f:
-            f.write(head.encode())
-            for block in self.behind():
-                f.write(block)
-            f.write(b"</VTKFile>\n")
-        os.replace(temporary, path)
+        order = 'byte_order="LittleEndian" header_type="UInt64"'
+        head = f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" {order}>\n{body}\n'
+        with renamed(path) as part, open(part, "wb") as f:
+            f.writelines([head.encode(), *self.behind(), b"</VTKFile>\n"])
 
     def behind(self):
         """What follows the body, in pieces."""
@@ -165,12 +157,9 @@ def write_series(path, files, times) -> None:
         f'<DataSet timestep="{float(t)!r}" file={quoteattr(os.path.relpath(f, path.parent))}/>'
         for f, t in zip(files, times, strict=True)
     )
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(
-        '<?xml version="1.0"?>\n<VTKFile type="Collection" '
-        f'version="1.0">\n<Collection>\n{rows}\n</Collection>\n</VTKFile>\n'
-    )
-    os.replace(temporary, path)
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="1.0">\n'
+    with renamed(path) as part:
+        part.write_text(f"{head}<Collection>\n{rows}\n</Collection>\n</VTKFile>\n")
 
 
 def _x_fastest(a):

@@ -32,15 +32,8 @@ def _trend(result):
         for how, (line, marker) in styles.items():
             name = f"relative_{how}_{c}"
             if name in result.data:
-                ax.plot(
-                    at,
-                    100 * result.data[name].values,
-                    line,
-                    marker=marker,
-                    ms=4,
-                    color=f"C{k}",
-                    label=f"{SYMBOL[c]}, {how}",
-                )
+                values, label = 100 * result.data[name].values, f"{SYMBOL[c]}, {how}"
+                ax.plot(at, values, line, marker=marker, ms=4, color=f"C{k}", label=label)
     if dim == "radius":
         ax.set_xlabel(with_unit("kernel radius", result.attrs.get("radius_units")))
         ax.set_xlim(0, at.max() * 1.05)
@@ -59,9 +52,8 @@ def _against(result):
     stress/atom (dotted), and maps of both stresses and their difference in one scale."""
     data, place = result.data, result.place
     axes = [n.removeprefix("profile_").removesuffix("_hardy") for n in data.data_vars if n.endswith("_hardy")]
-    boxes = [r for r in result.rows if r["section"] == "box average"] or [
-        r for r in result.rows if r["section"].startswith("box average")
-    ]
+    boxes = [r for r in result.rows if r["section"].startswith("box average")]
+    boxes = [r for r in boxes if r["section"] == "box average"] or boxes
     maps, where = [], ""
     if "difference" in data and place.kind not in PROFILES:
         selection = {}
@@ -95,17 +87,10 @@ def _against(result):
         at = np.arange(len(boxes))
         errors = [r.get("stderr_virial") or 0 for r in boxes]
         ax.bar(at - 0.2, [r["hardy"] for r in boxes], 0.4, label="Hardy", color="C0")
-        ax.bar(
-            at + 0.2,
-            [r["virial"] for r in boxes],
-            0.4,
-            label="virial",
-            color="C1",
-            yerr=errors if any(errors) else None,
-        )
-        ax.set_xticks(
-            at, [{"hydrostatic": "mean", "vonmises": "Mises"}.get(r["name"], r["name"]) for r in boxes], fontsize=8
-        )
+        errors = errors if any(errors) else None
+        ax.bar(at + 0.2, [r["virial"] for r in boxes], 0.4, label="virial", color="C1", yerr=errors)
+        short = {"hydrostatic": "mean", "vonmises": "Mises"}
+        ax.set_xticks(at, [short.get(r["name"], r["name"]) for r in boxes], fontsize=8)
         ax.axhline(0, color="0.4", lw=0.6)
         ax.set_title(f"average over the box{units}")
         ax.legend()

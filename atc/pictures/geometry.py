@@ -95,14 +95,8 @@ class Places:
     def cut(self, k, i):
         """The plane of a volume at index i of dimension k."""
         keep = [d for d in range(3) if d != k]
-        out = Places(
-            "plane",
-            [self.dims[d] for d in keep],
-            np.take(self.x_gc, i, axis=k),
-            self.unit,
-            steps=self.steps[keep],
-            edges=[self.edges[d] for d in keep],
-        )
+        dims, edges = ([of[d] for d in keep] for of in (self.dims, self.edges))
+        out = Places("plane", dims, np.take(self.x_gc, i, axis=k), self.unit, steps=self.steps[keep], edges=edges)
         normal = np.cross(*out.steps)
         size = np.linalg.norm(normal)
         out.thickness = 0.5 * abs(self.steps[k] @ normal) / size if size > 0 else np.inf
@@ -174,12 +168,7 @@ def cut(place, text=None, axis=None, index=None):
     else:
         shape = place.x_gc.shape[:3]
         axis, where = axis if axis is not None else place.dims[2 - int(np.argmin(shape[::-1]))], None
-    names = (
-        {str(k): k for k in range(3)}
-        | dict(zip("abc", range(3)))
-        | dict(zip("xyz", range(3)))
-        | {d: k for k, d in enumerate(place.dims)}
-    )
+    names = {letter: k for letters in ("012", "abc", "xyz", place.dims) for k, letter in enumerate(letters)}
     if str(axis) not in names:
         raise AtcError(f"axis {axis!r}: expected one of {', '.join(place.dims)}")
     k = names[str(axis)]
@@ -201,11 +190,9 @@ def cut(place, text=None, axis=None, index=None):
     plane = place.cut(k, i)
     x = plane.x_gc.reshape(-1, 3)
     flat = [c for c in range(3) if np.ptp(x[:, c]) <= 1e-9 * max(np.ptp(place.x_gc[..., c]), 1e-300)]
-    position = (
-        f"{'xyz'[flat[0]]} = {x[0, flat[0]]:.4g} {unit_text(place.unit)}".rstrip()
-        if flat
-        else f"plane {i + 1} of {n} along {place.edges[k]}"
-    )
+    position = f"plane {i + 1} of {n} along {place.edges[k]}"
+    if flat:
+        position = f"{'xyz'[flat[0]]} = {x[0, flat[0]]:.4g} {unit_text(place.unit)}".rstrip()
     return plane, {dim: i}, position
 
 
@@ -289,14 +276,8 @@ def points_of_grid(ds, da) -> Places:
     x = _positions(ds, da)
     if x is None:
         raise AtcError(f"{da.name}: the output does not say where its points are")
-    unit = next(
-        (
-            c.attrs["units"]
-            for c in (ds.coords.get(n) for n in ("position_x", *dims))
-            if c is not None and "units" in c.attrs
-        ),
-        "",
-    )
+    found = [ds.coords[n].attrs for n in ("position_x", *dims) if n in ds.coords]
+    unit = next((attrs["units"] for attrs in found if "units" in attrs), "")
     if dims[0] in ("point", "atom"):
         return Places("points" if dims[0] == "point" else "atoms", dims, x, unit)
     grid = str(ds.attrs.get("grid", ""))

@@ -45,11 +45,9 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
             raise AtcError(f"{q} is not in this output: it holds {', '.join(names)}")
         da, when = at_frame(ds, q, frame)
         order = rank(da)
-        comps = (
-            [c.strip() for c in component.split(",")]
-            if component and order
-            else [[None], ["magnitude"], ["vonmises"]][order]
-        )
+        comps = [[None], ["magnitude"], ["vonmises"]][order]
+        if component and order:
+            comps = [c.strip() for c in component.split(",")]
         for c in comps:
             values = scalar(da.values[which], c)
             scaled = scalar(ds[q].isel(node=which).values, c) if one_scale else values
@@ -86,14 +84,8 @@ def _squares(ax, x, values, size, cmap, low, high):
 
     h = 0.5 * size
     corners = np.array([[-h, -h], [h, -h], [h, h], [-h, h]])
-    squares = PolyCollection(
-        x[:, None] + corners,
-        array=np.asarray(values, float),
-        cmap=cmap,
-        edgecolors="face",
-        linewidths=0.1,
-        rasterized=True,
-    )
+    how = {"cmap": cmap, "edgecolors": "face", "linewidths": 0.1, "rasterized": True}
+    squares = PolyCollection(x[:, None] + corners, array=np.asarray(values, float), **how)
     squares.set_clim(low, high)
     ax.add_collection(squares)
     return squares

@@ -178,11 +178,9 @@ def pick(ds, quantity):
         return quantity
     if quantity not in names:
         near = difflib.get_close_matches(quantity, names, n=1)
-        why = (
-            "is one number for the box, not a field: nothing to draw"
-            if quantity in ds and not grid_dims(ds[quantity])
-            else "is not in this output"
-        )
+        why = "is not in this output"
+        if quantity in ds and not grid_dims(ds[quantity]):
+            why = "is one number for the box, not a field: nothing to draw"
         raise AtcError(
             f"{quantity} {why}: {f'did you mean {near[0]!r}? ' if near else ''}it holds "
             f"{', '.join(names) or 'no fields'}"

@@ -62,15 +62,12 @@ def symbol(name: str, comp: str | None = None, axes=()) -> str | None:
     are along, if not x, y, z"""
     if name not in LETTERS:
         return None
-    if axes and comp is not None and (comp in TENSOR or comp in ("x", "y", "z")):
-        letter, above = LETTERS[name]
-        return f"${letter}{f'^{{{above}}}' if above else ''}_{{{in_axes(comp, axes)}}}$"
     letter, above = LETTERS[name]
     sup = f"^{{{above}}}" if above else ""
     if comp is None:
         return f"${letter}{sup}$"
     if comp in TENSOR or comp in ("x", "y", "z"):
-        return f"${letter}{sup}_{{{comp}}}$"
+        return f"${letter}{sup}_{{{in_axes(comp, axes) if axes else comp}}}$"
     if comp == "magnitude":
         return f"$|{letter}{sup}|$"
     if comp == "pressure" and letter == r"\sigma":
@@ -84,14 +81,10 @@ def label(name: str, comp: str | None, unit: str, axes=()) -> str:
     """Of an axis, a panel or a colour bar: symbol and unit; words where the symbol alone would say too little."""
     found, words = symbol(name, comp, axes), name.replace("_", " ")
     component = comp is not None and (comp in TENSOR or comp in ("x", "y", "z"))
-    if found is None:
-        text = (
-            words
-            if comp is None
-            else f"{words}$_{{{in_axes(comp, axes) if axes else comp}}}$"
-            if component
-            else f"{words}, {SYMBOL[comp]}"
-        )
+    if found is None and component:
+        text = f"{words}$_{{{in_axes(comp, axes) if axes else comp}}}$"
+    elif found is None:
+        text = words if comp is None else f"{words}, {SYMBOL[comp]}"
     elif component:
         text = found
     elif comp in _ALONE:

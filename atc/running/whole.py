@@ -15,17 +15,25 @@ from .sealed import reserve, to_netcdf
 
 
 @contextlib.contextmanager
-def replacing(path: Path):
-    """The name to write a file under, which takes the place of `path` once all is written; AtcError where it cannot be,
-    and nothing is left behind then."""
+def renamed(path: Path):
+    """The name to write a file under, which takes the place of `path` once all is written; nothing is left behind where
+    it cannot be (an OSError)."""
     part = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
         yield part
         os.replace(part, path)
-    except OSError as e:
-        raise AtcError(f"{path}: cannot be written: {e.strerror or e}") from None
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def replacing(path: Path):
+    """`renamed`, with an AtcError where the file cannot be written."""
+    try:
+        with renamed(path) as part:
+            yield part
+    except OSError as e:
+        raise AtcError(f"{path}: cannot be written: {e.strerror or e}") from None
 
 
 def write_dataset(ds, path) -> None:

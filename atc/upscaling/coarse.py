@@ -64,9 +64,8 @@ def coarsen(
     elif method == "band":
         weights = _fitted_band(fine, start, positive("band", band))
     elif method == "band-in-time":
-        weights = _fitted_band(
-            fine, start, positive("band", band), positive("dt", start.time_step() if dt is None else dt)
-        )
+        dt = positive("dt", start.time_step() if dt is None else dt)
+        weights = _fitted_band(fine, start, positive("band", band), dt)
     else:
         raise AtcError(
             f"coarse model {method!r}: expected paper, trapezoid, moments-2, moments-4 (or another number), band or "
@@ -189,10 +188,7 @@ def accuracy_table(
         stable = bool(squared.min() > -1e-12 * squared.max() and dt < model.stable_time_step)
         errors = [math.nan] * 3  # an unstable chain has no solution to compare
         if stable:
-            errors = [
-                relative_error(modal(model, u0, t, dt=step_or_exact)[0], reference[::step])
-                for step_or_exact in (None, dt)
-            ]
+            errors = [relative_error(modal(model, u0, t, dt=d)[0], reference[::step]) for d in (None, dt)]
             errors.append(float(np.abs(model.frequency(k) / fine.frequency(k) - 1).max()))
         rows.append(
             Accuracy(

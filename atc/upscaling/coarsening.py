@@ -84,9 +84,8 @@ def coarse_stiffness(fc: ForceConstants, step_cc, q_kc) -> np.ndarray:
     """
     g = folded_waves(fc.crystal, step_cc)
     q = np.atleast_2d(np.asarray(q_kc, float))
-    at_rest = np.linalg.norm(nearest_images(q, 2 * np.pi * np.linalg.inv(step_cc).T), axis=1) < 1e-9 / np.cbrt(
-        fc.crystal.volume
-    )
+    size = np.linalg.norm(nearest_images(q, 2 * np.pi * np.linalg.inv(step_cc).T), axis=1)
+    at_rest = size < 1e-9 / np.cbrt(fc.crystal.volume)
     out = np.zeros((len(q), 3, 3))
     moving = np.flatnonzero(~at_rest)
     for part in np.array_split(moving, max(1, len(moving) * len(g) // _AT_ONCE)):
@@ -106,8 +105,7 @@ def _condense(fc, q_kc, g_mc) -> np.ndarray:
     if np.linalg.eigvalsh(D).min() <= 0:
         raise AtcError(f"{crystal.name}: the lattice itself is unstable (imaginary frequencies): nothing to coarsen")
     green = (b.conj().swapaxes(1, 2) @ np.linalg.solve(D, b)).reshape(-1, M, 3, 3).mean(axis=1)
-    K = np.linalg.inv(green)
-    K = K.real
+    K = np.linalg.inv(green).real
     return 0.5 * (K + K.swapaxes(1, 2))
 
 
@@ -165,16 +163,10 @@ def coarsen(
         x = fit_springs(fc, elastic, step, inside, fitted)
     elif cut != "bare":
         x = x + _correction(inside @ step, x, n @ step, every, wanted_moments(elastic, volume), cut == "fourth")
-    made = CoarsenedKernel(
-        step,
-        np.vstack([inside, -inside]),
-        np.concatenate([x, x]),
-        fc.crystal.density * volume,
-        volume,
-        cells=cells,
-        beyond=float(np.sqrt(max(norm**2 - (kept**2).sum(), 0.0)) / norm),
-        corrected=float(np.linalg.norm(x - kept) / norm),
-    )
+    beyond = float(np.sqrt(max(norm**2 - (kept**2).sum(), 0.0)) / norm)
+    said = {"cells": cells, "beyond": beyond, "corrected": float(np.linalg.norm(x - kept) / norm)}
+    bonds = np.vstack([inside, -inside]), np.concatenate([x, x])
+    made = CoarsenedKernel(step, *bonds, fc.crystal.density * volume, volume, **said)
     measure(made, fc, elastic, reciprocal)
     if not made.least > 0.0:
         raise AtcError(

@@ -187,7 +187,25 @@ class Crystal:
 
     def frame(self) -> Frame:
         """The unit cell as a periodic frame."""
-        return self.supercell((1, 1, 1))[0]
+        return self.copies(self.positions, self.cell)
+
+    @property
+    def cell(self) -> Cell:
+        """Of the unit cell, open along z in two dimensions."""
+        return Cell(self.vectors, periodic=np.arange(3) < self.dimension)
+
+    def copies(self, x_nc, cell: Cell, source: str | None = None) -> Frame:
+        """A frame of some copies of the unit cell's atoms, one cell after the other, at positions x_nc."""
+        count = len(x_nc) // len(self)
+        return Frame(
+            x_nc,
+            cell,
+            self.units,
+            types=np.tile(self.types, count),
+            masses=np.tile(self.masses, count),
+            source=source or self.name,
+            type_names=dict(self.type_names),
+        )
 
     def strained(self, strain=None, displacements=None) -> Crystal:
         """Under a homogeneous deformation x → (1 + strain) x, and basis atoms displaced by `displacements` (n, 3) on
@@ -216,15 +234,8 @@ class Crystal:
         cells = self.lattice_points(repeat)
         n = len(self)
         x = (cells @ self.vectors)[:, None, :] + self.positions[None]
-        frame = Frame(
-            x.reshape(-1, 3),
-            Cell(self.vectors * np.array(repeat)[:, None], periodic=np.arange(3) < self.dimension),
-            self.units,
-            types=np.tile(self.types, len(cells)),
-            masses=np.tile(self.masses, len(cells)),
-            source=self.name,
-            type_names=dict(self.type_names),
-        )
+        cell = Cell(self.vectors * np.array(repeat)[:, None], periodic=np.arange(3) < self.dimension)
+        frame = self.copies(x.reshape(-1, 3), cell)
         return frame, np.tile(np.arange(n), len(cells))
 
     def direction(self, direction) -> np.ndarray:

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError
-from ..frame import Cell, Frame
+from ..frame import Cell
 from ..neighbors.verlet import using
 from .crystal import Crystal, evaluate
 
@@ -55,15 +55,7 @@ class DeformedCrystals:
     def _copies(self, F_ncc, u_nac):
         n, m = len(F_ncc), len(self.crystal)
         x_nc = (self.crystal.positions @ F_ncc.swapaxes(1, 2) + u_nac).reshape(-1, 3)
-        frame = Frame(
-            x_nc,
-            Cell(np.zeros((3, 3)), periodic=False).completed(x_nc, margin=1.0),
-            self.crystal.units,
-            types=np.tile(self.crystal.types, n),
-            masses=np.tile(self.crystal.masses, n),
-            source=self.crystal.name,
-            type_names=dict(self.crystal.type_names),
-        )
+        frame = self.crystal.copies(x_nc, Cell(np.zeros((3, 3)), periodic=False).completed(x_nc, margin=1.0))
         virial = np.zeros((n, 9))
 
         def add(bonds, _):

@@ -72,26 +72,13 @@ def _measured(axes, found, a, factor) -> float:
         y, e = (factor * getattr(r, f"{kind}{s}_km")[here] for s in ("", "_error"))
         x = np.repeat(r.fraction_k[here], y.shape[1])
         label = {"ratio": "trajectory: velocities/displacements", "spectrum": "trajectory: spectra"}[kind]
-        axes.errorbar(
-            x,
-            y.ravel(),
-            yerr=e.ravel(),
-            fmt=marker,
-            color=color,
-            markersize=5,
-            markerfacecolor="none",
-            capsize=2,
-            linewidth=0.9,
-            label=label,
-            zorder=3,
-        )
+        how = {"markersize": 5, "markerfacecolor": "none", "capsize": 2, "linewidth": 0.9, "zorder": 3}
+        axes.errorbar(x, y.ravel(), yerr=e.ravel(), fmt=marker, color=color, label=label, **how)
         top = max(top, np.nanmax(y, initial=0.0))
     if r.lines_km is not None and here.any():
         rows = [(r.fraction_k[p], x) for p in np.flatnonzero(here) for x in r.lines_km[p] if np.isfinite(x.gamma)]
         if rows:
-            at, low, high = (
-                np.array(c) for c in zip(*((f, x.omega - 0.5 * x.gamma, x.omega + 0.5 * x.gamma) for f, x in rows))
-            )
+            at, low, high = np.array([(f, x.omega - 0.5 * x.gamma, x.omega + 0.5 * x.gamma) for f, x in rows]).T
             axes.vlines(at, factor * low, factor * high, color="C1", linewidth=4, alpha=0.6, label="full width γ/2π")
     return top
 

@@ -90,21 +90,17 @@ class Dispersion:
         unit, factor = frequency_unit(u)
         out = [("crystal", f"{self.crystal.name}, lattice constant {self.crystal.lattice_constant:.7g} {length}")]
         if self.pressure is not None:
-            at_zero = (
-                f"; {self.relaxed.lattice_constant:.7g} {length} at zero pressure" if self.relaxed is not None else ""
-            )
+            at_zero = ""
+            if self.relaxed is not None:
+                at_zero = f"; {self.relaxed.lattice_constant:.7g} {length} at zero pressure"
             out.append(("pressure", f"{self.pressure:.4g} {u.label('pressure')}{at_zero}"))
         if self.fc is not None:
             how = {
                 "analytic": "second derivatives of the pair potential",
                 "displacements": "displaced atoms, sixth order",
             }[self.fc.method]
-            out.append(
-                (
-                    "force constants",
-                    f"{len(self.fc.i)} bonds up to {u.to_user('length', self.fc.reach):.4g} {length}; {how}",
-                )
-            )
+            reach = f"{u.to_user('length', self.fc.reach):.4g} {length}"
+            out.append(("force constants", f"{len(self.fc.i)} bonds up to {reach}; {how}"))
         if self.elastic is not None:
             scale, name = (1.0 / u.pressure, u.label("pressure")) if u.reduced else (GPA, "GPa")
             c = self.elastic.C_vv * scale
@@ -114,13 +110,8 @@ class Dispersion:
                 more = f" (C44 {born:.4g} if the basis could not relax)" if abs(born / c44 - 1) > 1e-6 else ""
                 out.append(("elastic constants", f"C11 {c11:.4f}, C12 {c12:.4f}, C44 {c44:.4f} {name}{more}"))
             else:
-                out += [
-                    (
-                        "elastic constants" if a == 0 else "",
-                        " ".join(f"{x:10.4f}" for x in row) + (f"  {name}" if a == 0 else ""),
-                    )
-                    for a, row in enumerate(c)
-                ]
+                rows = [" ".join(f"{x:10.4f}" for x in row) for row in c]
+                out += [("elastic constants", f"{rows[0]}  {name}"), *(("", row) for row in rows[1:])]
         for ray in self.rays:
             if ray.lattice_km is not None:
                 ends = ", ".join(f"{x:.6g}" if x >= 0 else f"{-x:.6g}i" for x in factor * ray.lattice_km[-1])
@@ -199,11 +190,9 @@ class Dispersion:
         u, (unit, factor) = self.crystal.units, frequency_unit(self.crystal.units)
 
         def clean(x):
-            return (
-                [clean(v) for v in x]
-                if isinstance(x, (list, tuple, np.ndarray))
-                else (None if x is None or not np.isfinite(x) else float(x))
-            )
+            if isinstance(x, (list, tuple, np.ndarray)):
+                return [clean(v) for v in x]
+            return None if x is None or not np.isfinite(x) else float(x)
 
         out = {
             "crystal": self.crystal.name,
@@ -281,20 +270,17 @@ class Dispersion:
         k_user = 1.0 / u.to_user("length", 1.0)
         data, coords = {}, {"branch": np.arange(modes), "c": ["x", "y", "z"], "ray": [r.label for r in self.rays]}
         stack = lambda get: np.stack([get(r) for r in self.rays])  # noqa: E731
-        coords["fraction"] = (
-            "point",
-            self.rays[0].fractions,
-            {"units": "1", "long_name": "|k| over the zone boundary's"},
-        )
+
+        def put(name, dims, values, units, what):
+            data[name] = (dims, values, {"units": units, "long_name": what})
+
+        about = {"units": "1", "long_name": "|k| over the zone boundary's"}
+        coords["fraction"] = ("point", self.rays[0].fractions, about)
         data["wave_vector"] = (("ray", "point", "c"), stack(lambda r: r.k_kc) * k_user, per_length)
         if self.fc is not None:
             data["frequency"] = (("ray", "point", "branch"), factor * stack(lambda r: r.lattice_km), hz)
             slope = u.to_user("velocity", stack(lambda r: r.velocity_km))
-            data["group_velocity"] = (
-                ("ray", "point", "branch"),
-                slope,
-                {"units": u.label("velocity"), "long_name": "dω/d|k| along the ray"},
-            )
+            put("group_velocity", ("ray", "point", "branch"), slope, u.label("velocity"), "dω/d|k| along the ray")
         if all(r.phonopy_km is not None for r in self.rays):
             data["frequency_phonopy"] = (("ray", "point", "branch"), factor * stack(lambda r: r.phonopy_km), hz)
         names = list(self.rays[0].models)
@@ -310,45 +296,18 @@ class Dispersion:
             coords["residual_fraction"] = self.matches[0].fractions
             get = lambda name: np.array([getattr(m, name) for m in self.matches])  # noqa: E731
             dims = ("model", "residual_branch", "residual_fraction")
-            data["relative_error"] = (
-                dims,
-                get("error_bf"),
-                {"units": "1", "long_name": "ω of the model over ω of the crystal, minus 1"},
-            )
-            data["velocity_error"] = (
-                dims,
-                get("velocity_error_bf"),
-                {"units": "1", "long_name": "error of dω/dk over the speed of sound"},
-            )
-            data["rms_error"] = (
-                "model",
-                get("rms"),
-                {"units": "1", "long_name": "rms of relative_error over branches and fractions"},
-            )
-            data["rms_error_zone"] = ("model", get("band"), {"units": "1", "long_name": "the same over the whole zone"})
-            data["min_omega2"] = (
-                "model",
-                get("min_omega2"),
-                {"units": "1", "long_name": "smallest ω² beyond the zone over the crystal's largest"},
-            )
-            data["stable_step"] = (
-                "model",
-                u.to_user("time", get("stable_step")),
-                {"units": u.label("time"), "long_name": "2/ω_max"},
-            )
+            put("relative_error", dims, get("error_bf"), "1", "ω of the model over ω of the crystal, minus 1")
+            put("velocity_error", dims, get("velocity_error_bf"), "1", "error of dω/dk over the speed of sound")
+            put("rms_error", "model", get("rms"), "1", "rms of relative_error over branches and fractions")
+            put("rms_error_zone", "model", get("band"), "1", "the same over the whole zone")
+            what = "smallest ω² beyond the zone over the crystal's largest"
+            put("min_omega2", "model", get("min_omega2"), "1", what)
+            put("stable_step", "model", u.to_user("time", get("stable_step")), u.label("time"), "2/ω_max")
         if self.elastic is not None:
             coords["voigt_1"] = coords["voigt_2"] = ["xx", "yy", "zz", "yz", "xz", "xy"]
-            press = {"units": u.label("pressure")}
-            data["elastic_constants"] = (
-                ("voigt_1", "voigt_2"),
-                self.elastic.to_user(),
-                {**press, "long_name": "C, basis relaxed"},
-            )
-            data["elastic_constants_born"] = (
-                ("voigt_1", "voigt_2"),
-                self.elastic.to_user("born_vv"),
-                {**press, "long_name": "C, basis clamped"},
-            )
+            both, label = ("voigt_1", "voigt_2"), u.label("pressure")
+            put("elastic_constants", both, self.elastic.to_user(), label, "C, basis relaxed")
+            put("elastic_constants_born", both, self.elastic.to_user("born_vv"), label, "C, basis clamped")
         r = self.measured
         if r is not None:
             data["measured_wave_vector"] = (("k", "c"), r.k_kc * k_user, per_length)
@@ -360,41 +319,28 @@ class Dispersion:
                 ("spectrum", "peak of the velocity spectrum"),
                 ("spectrum_error", "its standard error"),
             ):
-                data[f"measured_{name}"] = (
-                    ("k", "branch"),
-                    factor * getattr(r, f"{name}_km"),
-                    {"units": unit, "long_name": label},
-                )
+                put(f"measured_{name}", ("k", "branch"), factor * getattr(r, f"{name}_km"), unit, label)
             if r.current_kcf is not None:
                 coords["spectrum_frequency"] = ("frequency_bin", factor * r.frequency_f, {"units": unit})
                 coords["polarisation"] = ["longitudinal", "transverse"]
-                data["current_spectrum"] = (
-                    ("k", "polarisation", "frequency_bin"),
-                    r.current_kcf,
-                    {"units": "arbitrary", "long_name": "power of the mass current"},
-                )
+                dims = ("k", "polarisation", "frequency_bin")
+                put("current_spectrum", dims, r.current_kcf, "arbitrary", "power of the mass current")
             if r.sed_kf is not None:
                 energy = u.to_user("energy", 1.0) * u.to_user("time", 1.0)
-                data["spectral_energy_density"] = (
-                    ("k", "frequency_bin"),
-                    energy * r.sed_kf,
-                    {
-                        "units": f"{u.label('energy')}*{u.label('time')}",
-                        "long_name": "energy per angular frequency; its integral over ω is ½kT a mode",
-                    },
-                )
+                what = "energy per angular frequency; its integral over ω is ½kT a mode"
+                label = f"{u.label('energy')}*{u.label('time')}"
+                put("spectral_energy_density", ("k", "frequency_bin"), energy * r.sed_kf, label, what)
             for name, what, kind in LINE_COLUMNS if r.lines_km is not None else ():
                 unit_here = unit if kind == "frequency" else "1" if kind == "1" else u.label("energy")
                 size = factor if kind == "frequency" else 1.0 if kind == "1" else u.to_user("energy", 1.0)
                 values = size * np.array([[getattr(x, name) for x in row] for row in r.lines_km])
-                data[f"line_{name}"] = (("k", "branch"), values, {"units": unit_here, "long_name": what})
+                put(f"line_{name}", ("k", "branch"), values, unit_here, what)
             if r.lines_km is not None:
                 gamma = np.array([[x.gamma for x in row] for row in r.lines_km])
                 error = np.array([[x.gamma_error for x in row] for row in r.lines_km])
                 life = u.to_user("time", 1.0 / gamma)
-                units = {"units": u.label("time")}
-                data["lifetime"] = (("k", "branch"), life, {**units, "long_name": "1/γ, of the mode's energy"})
-                data["lifetime_error"] = (("k", "branch"), life * error / gamma, {**units, "long_name": "its error"})
+                put("lifetime", ("k", "branch"), life, u.label("time"), "1/γ, of the mode's energy")
+                put("lifetime_error", ("k", "branch"), life * error / gamma, u.label("time"), "its error")
         if self.structure_factors is not None:
             s = self.structure_factors
             data |= {f"structure_{name}": (v.dims, v.values, v.attrs) for name, v in s.data_vars.items()}

@@ -96,9 +96,8 @@ class ForceConstants:
         compact force constants."""
         crystal, n = self.crystal, len(self.crystal)
         repeat = np.array(repeat)
-        shift = np.rint(
-            (self.r_bc - crystal.positions[self.j] + crystal.positions[self.i]) @ np.linalg.inv(crystal.vectors)
-        ).astype(int)
+        between = self.r_bc - crystal.positions[self.j] + crystal.positions[self.i]
+        shift = np.rint(between @ np.linalg.inv(crystal.vectors)).astype(int)
         cell = np.ravel_multi_index((shift % repeat).T, repeat)
         out = np.zeros((n, n * int(repeat.prod()), 3, 3))
         np.add.at(out, (self.i, cell * n + self.j), self.phi_bcc)

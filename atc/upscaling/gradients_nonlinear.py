@@ -41,9 +41,8 @@ def pair_series(order: int) -> dict:
     dict {(n, p, derivatives): Fraction}
     """
     out = {}
-    for level in range(
-        1, 2 * whole("order", order), 2
-    ):  # Σ (k − 1), the power of a beyond that of the potential's derivatives
+    # Σ (k − 1), the power of a beyond that of the potential's derivatives.
+    for level in range(1, 2 * whole("order", order), 2):
         for parts in _partitions(level):
             orders = tuple(sorted(k + 1 for k in parts))
             out[(1 + len(orders), sum(orders), orders)] = Fraction(2, prod(map(factorial, orders)) * _repeats(orders))

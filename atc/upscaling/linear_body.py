@@ -49,9 +49,8 @@ class Stencil:
         r = np.linalg.norm(xi, axis=1)
         near = (r > 0) & (r <= model.horizon)
         n, xi = n[near], xi[near]
-        springs = (
-            np.concatenate([model.kernel(part) for part in np.array_split(xi, max(1, len(xi) // 4000))]) * spacing**6
-        )
+        parts = np.array_split(xi, max(1, len(xi) // 4000))
+        springs = np.concatenate([model.kernel(part) for part in parts]) * spacing**6
         on = np.abs(springs).max(axis=(1, 2)) > 0
         made = cls(np.eye(3) * spacing, n[on], springs[on], model.crystal.density * spacing**3, model.label)
         if check:
@@ -72,9 +71,8 @@ class Stencil:
     def dynamical_matrix(self, k_kc) -> np.ndarray:
         """(k, 3, 3) exact for an infinite body of these nodes."""
         k = np.atleast_2d(np.asarray(k_kc, float))
-        return (
-            np.tensordot(2 * np.sin(0.5 * k @ (self.offsets @ self.vectors).T) ** 2, self.springs, axes=1) / self.mass
-        )
+        turns = 2 * np.sin(0.5 * k @ (self.offsets @ self.vectors).T) ** 2
+        return np.tensordot(turns, self.springs, axes=1) / self.mass
 
     def radial_gradient(self, k_kc) -> np.ndarray:
         k = np.atleast_2d(np.asarray(k_kc, float))
@@ -107,9 +105,8 @@ class LinearBody:
         periodic = np.broadcast_to(periodic, (3,))
         size = np.array(self.repeat)
         # Bonds that lead to the same node of a periodic block are added up first: few are left in a thin bar.
-        offsets, same = np.unique(
-            np.where(periodic, stencil.offsets % size, stencil.offsets), axis=0, return_inverse=True
-        )
+        wrapped = np.where(periodic, stencil.offsets % size, stencil.offsets)
+        offsets, same = np.unique(wrapped, axis=0, return_inverse=True)
         springs = np.zeros((len(offsets), 3, 3))
         np.add.at(springs, same.ravel(), stencil.springs)
         itself = (offsets == 0).all(axis=1)  # a node and its own image: no relative displacement
@@ -124,10 +121,9 @@ class LinearBody:
         row = np.repeat(np.arange(n), len(offsets))[inside]
         column = np.ravel_multi_index((there[inside] % size).T, self.repeat)
         which = np.tile(np.arange(len(offsets)), n)[inside]
-        blocks = {}
-        for a in range(3):
-            for b in range(3):
-                blocks[a, b] = coo_matrix((springs[which, a, b], (row, column)), shape=(n, n)).tocsr()
+        blocks = {
+            (a, b): coo_matrix((springs[which, a, b], (row, column)), shape=(n, n)).tocsr() for a, b in np.ndindex(3, 3)
+        }
         pattern = sum(abs(m) for m in blocks.values()).tocsr()
         pattern.sort_indices()
         r, c = pattern.nonzero()
@@ -157,14 +153,8 @@ class LinearBody:
             return np.einsum("nij,nj->ni", self._onsite, u.reshape(n, 3)).ravel() - self._S @ u.ravel()
 
         start = np.random.default_rng(0).normal(size=3 * n)
-        top = eigsh(
-            LinearOperator((3 * n, 3 * n), pull, dtype=float),
-            k=1,
-            which="LA",
-            v0=start,
-            tol=1e-3,
-            return_eigenvectors=False,
-        )[0]
+        how = {"k": 1, "which": "LA", "v0": start, "tol": 1e-3, "return_eigenvectors": False}
+        top = eigsh(LinearOperator((3 * n, 3 * n), pull, dtype=float), **how)[0]
         return float(np.sqrt(top / self.stencil.mass))
 
     def energies(self) -> np.ndarray:
@@ -209,14 +199,8 @@ class PeridynamicBody:
 
         index = np.stack(np.meshgrid(*(np.arange(r) for r in repeat), indexing="ij"), -1).reshape(-1, 3)
         volume = abs(np.linalg.det(stencil.vectors))
-        body = pd.Body(
-            index @ stencil.vectors,
-            volume,
-            model.crystal.density,
-            model.horizon,
-            cell=Cell(stencil.vectors * np.array(repeat)[:, None]),
-            warn=False,
-        )
+        x, cell = index @ stencil.vectors, Cell(stencil.vectors * np.array(repeat)[:, None])
+        body = pd.Body(x, volume, model.crystal.density, model.horizon, cell=cell, warn=False)
         self.simulation = sim = pd.Simulation(body, pd.Linear(model.kernel), dt=dt, safety=0.4)
         self.stencil, self.positions, self.dt = stencil, body.X_nc, sim.dt
         self.u, self.v = sim.state.u_nc, sim.state.v_nc
@@ -314,10 +298,8 @@ def wave_packet(
     body.v[:] = (envelope * omega * np.sin(k * (x - start)))[:, None] * p
     energy = body.energies()
     first, total = float(x @ energy / energy.sum()), energy.sum()
-    legs, drift = [], 0.0
+    legs, times, drift = [first], [0.0], 0.0
     steps = max(1, round(duration / body.dt / 8))
-    times = [0.0]
-    legs.append(first)
     for _ in range(8):
         body.run(steps)
         energy = body.energies()
@@ -325,9 +307,8 @@ def wave_packet(
         times.append(body.time)
         drift = max(drift, abs(energy.sum() / total - 1))
     speed = np.polyfit(times, legs, 1)[0]
-    return Packet(
-        k, omega, group, None if model is None else prediction(model)[1], float(speed), legs[-1] - first, float(drift)
-    )
+    of_model = None if model is None else prediction(model)[1]
+    return Packet(k, omega, group, of_model, float(speed), legs[-1] - first, float(drift))
 
 
 def sampled_moduli(stencil: Stencil, model) -> np.ndarray:

@@ -126,11 +126,8 @@ def structure_factors(
     coords = {"c": ["x", "y", "z"], "q_length": ("q", np.linalg.norm(q, axis=1), {"units": f"rad/{length}"})}
     if lags:
         coords["time"] = ("time", dt * np.arange(lags + 1), {"units": time})
-        coords["omega"] = (
-            "omega",
-            2 * np.pi * np.arange(lags + 1) / ((2 * lags + 1) * dt),
-            {"units": f"rad/{time}", "long_name": "angular frequency"},
-        )
+        omega = 2 * np.pi * np.arange(lags + 1) / ((2 * lags + 1) * dt)
+        coords["omega"] = ("omega", omega, {"units": f"rad/{time}", "long_name": "angular frequency"})
 
     def add(name, what, values, units, dims):
         data[name] = (dims, values, {"units": units, "long_name": what})

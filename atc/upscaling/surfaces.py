@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 
 from ..errors import AtcError
-from ..frame import Cell, Frame
+from ..frame import Cell
 from .crystal import Crystal, evaluate
 
 #: Planes along which crystals cleave.
@@ -59,19 +59,9 @@ def surface_energy(crystal: Crystal, model, plane, *, relaxed: bool = True) -> S
         base = base + np.outer(below, vectors[2])
         x = (np.arange(layers)[:, None, None] * vectors[2] + base).reshape(-1, 3)
         thick = 2 * layers * height * normal
-        frame = Frame(
-            x,
-            Cell(
-                np.array([vectors[0], vectors[1], thick]),
-                x.min(axis=0) - 0.5 * thick,
-                (True, crystal.dimension == 3, False),
-            ),
-            crystal.units,
-            types=np.tile(crystal.types, layers),
-            masses=np.tile(crystal.masses, layers),
-            source=f"{crystal.name} slab",
-            type_names=dict(crystal.type_names),
-        )
+        open_below = (True, crystal.dimension == 3, False)
+        cell = Cell(np.array([vectors[0], vectors[1], thick]), x.min(axis=0) - 0.5 * thick, open_below)
+        frame = crystal.copies(x, cell, f"{crystal.name} slab")
         cold = evaluate(model, frame)[0]
         warm = _at_rest(frame, model, cold) if relaxed else cold
         found.append(((warm - layers * bulk) / (2 * area), (cold - layers * bulk) / (2 * area)))

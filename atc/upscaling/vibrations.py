@@ -158,9 +158,8 @@ class Estimate:
 def _windows(frames: int, blocks: int):
     """Slices of equal blocks, and the Hann weights of one."""
     length = frames // blocks
-    return [slice(b * length, (b + 1) * length) for b in range(blocks)], np.hanning(length + 2)[
-        1:-1
-    ] if length else np.zeros(0)
+    weights = np.hanning(length + 2)[1:-1] if length else np.zeros(0)
+    return [slice(b * length, (b + 1) * length) for b in range(blocks)], weights
 
 
 def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5, groups=None) -> Estimate:
@@ -251,11 +250,8 @@ def by_spectrum(v_stm, dt: float, blocks: int = 5, groups=None) -> Estimate:
     empty = np.full(modes, np.nan)
     length = frames // blocks
     if blocks < 2 or length < MIN_FRAMES:
-        return Estimate(
-            empty,
-            empty,
-            f"{frames} frames in {blocks} blocks are too few for a spectrum: {MIN_FRAMES} a block at least",
-        )
+        why = f"{frames} frames in {blocks} blocks are too few for a spectrum: {MIN_FRAMES} a block at least"
+        return Estimate(empty, empty, why)
     omega, power = spectra(v_stm, dt, blocks)
     power = _pooled(power, groups)
 
@@ -269,10 +265,8 @@ def by_spectrum(v_stm, dt: float, blocks: int = 5, groups=None) -> Estimate:
 
     value, error = jackknife(peaks, blocks)
     slow = value * length * dt < 2 * np.pi * MIN_CYCLES
-    value, error = np.where(slow, np.nan, value), np.where(slow, np.nan, error)
-    return Estimate(
-        value, error, f"a block holds fewer than {MIN_CYCLES:g} periods of the slowest modes" if slow.any() else ""
-    )
+    why = f"a block holds fewer than {MIN_CYCLES:g} periods of the slowest modes" if slow.any() else ""
+    return Estimate(np.where(slow, np.nan, value), np.where(slow, np.nan, error), why)
 
 
 @dataclass
@@ -358,12 +352,10 @@ def measure(
             fractions, ks = commensurate_on(sites, d) if isinstance(d, Segment) else commensurate(sites, d)
             for f, k in zip(fractions, ks):
                 # Equivalent ones fit only if the box has the cube's symmetry too.
-                members = [
-                    q
-                    for q in star(k, cubic)
-                    if np.abs(sites.cell @ q / (2 * np.pi) - np.rint(sites.cell @ q / (2 * np.pi))).max() < 1e-6
-                ]
-                plan.append((r, f, k, different(sites.crystal, np.array(members))))
+                members = star(k, cubic)
+                turns = members @ sites.cell.T / (2 * np.pi)
+                fits = np.abs(turns - np.rint(turns)).max(axis=1) < 1e-6
+                plan.append((r, f, k, different(sites.crystal, members[fits])))
         if not plan:
             along = ", ".join(d.label if isinstance(d, Segment) else str(d) for d in directions)
             raise AtcError(
@@ -425,25 +417,11 @@ def measure(
                 "folded down, the crystal goes up to "
                 f"{factor * top:.3g}; the ratio of velocities and displacements does not mind"
             )
-    return Measured(
-        crystal,
-        list(directions),
-        np.array([p[0] for p in plan]),
-        np.array([p[1] for p in plan]),
-        np.array([p[2] for p in plan]),
-        *data,
-        frequency,
-        np.array(currents).transpose(0, 2, 1) if currents else None,
-        a.temperature,
-        len(a.u_tkx),
-        blocks,
-        a.dt,
-        a.source,
-        notes,
-        np.array(energies) if energies else None,
-        shapes or None,
-        lines,
-    )
+    ray_k, fraction_k, k_kc = (np.array([p[c] for p in plan]) for c in range(3))
+    current = np.array(currents).transpose(0, 2, 1) if currents else None
+    of_run = a.temperature, len(a.u_tkx), blocks, a.dt, a.source, notes
+    of_lines = np.array(energies) if energies else None, shapes or None, lines
+    return Measured(crystal, list(directions), ray_k, fraction_k, k_kc, *data, frequency, current, *of_run, *of_lines)
 
 
 def _lines(v_stx, dt, vectors, groups, shape, real):

@@ -70,10 +70,7 @@ def _series(report: Report) -> None:
     report.table(
         "derivative | chain, exact in N (L = a) | chain, leading order (L = Na) | peridynamics (L = δ) | "
         "nearest neighbours (L = a)",
-        [
-            [f"∂^{2 * m}", str(exact[m - 1]), str(leading[m - 1]), str(peridynamic[m - 1]), str(local[m - 1])]
-            for m in range(1, order + 1)
-        ],
+        [[f"∂^{2 * m}", *map(str, c)] for m, c in enumerate(zip(exact, leading, peridynamic, local), 1)],
     )
     report.table(
         "term of ω/(ck) | chain, exact in N (kL = ka) | peridynamics (kL = kδ)",
