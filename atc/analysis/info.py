@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -173,7 +174,7 @@ def is_output(source) -> bool:
     from pathlib import Path
 
     path = Path(str(source))
-    if path.suffix not in (".nc", ".zarr") or not path.exists():
+    if path.suffix not in (".nc", ".zarr") or not os.path.exists(path):
         return False
     from ..running.output import Damaged, open_dataset
 

@@ -168,7 +168,7 @@ class Case(Document):
             why = "belongs to a lattice (region and spacing), not to nodes from a file"
             self._refuse(("body",), body, ("offset", "jitter", "seed", "cut"), why)
             path = self.path("body", "file")
-            if not path.is_file():
+            if not os.path.isfile(path):
                 raise self.bad(("body", "file"), f"there is no file {path}")
         if body.get("dimension", 3) == 3:
             why = "belongs to a body of dimension 2 (plane, thickness) or 1 (thickness: its cross-section)"
@@ -270,7 +270,7 @@ class Case(Document):
 
         scene_of(self)
         restart = self.path("run", "restart")
-        if restart is not None and not restart.is_file():
+        if restart is not None and not os.path.isfile(restart):
             raise self.bad(("run", "restart"), f"there is no file {restart}")
 
     def _regions_used(self):

@@ -319,14 +319,14 @@ class Scene(Document):
 
         for one in [] if str(path).startswith("imd://") else self._listed(path):
             try:
-                if matching(one) is None and not one.exists():
+                if matching(one) is None and not os.path.exists(one):
                     raise AtcError(f"there is no file {one}")
             except AtcError as e:
                 raise self._bad("trajectory", key, str(e)) from None
         topology = self.path("trajectory", "topology")
         if topology is None:
             topology = self._topology_of_system(path)
-        if topology is not None and not topology.exists():
+        if topology is not None and not os.path.exists(topology):
             raise self._bad("trajectory", "topology", f"there is no file {topology}")
         try:
             return self._open(read, path, topology)
@@ -393,7 +393,7 @@ class Scene(Document):
         if self.get("twin", "equilibrium") is None:
             return self.trajectory()
         path = self.path("twin", "equilibrium")
-        if path is None or not path.exists():
+        if path is None or not os.path.exists(path):
             raise self._bad("twin", "equilibrium", f"there is no file {path}")
         from .. import read
 
@@ -406,7 +406,7 @@ class Scene(Document):
             return None
         paths = [self.folder / Path(name).expanduser() for name in ([value] if isinstance(value, str) else value)]
         for path in paths:
-            if not path.is_file():
+            if not os.path.isfile(path):
                 raise self._bad("trajectory", "log", f"there is no file {path}")
         return paths
 
@@ -442,7 +442,7 @@ class Scene(Document):
                 return self._shared(self._of_system(kind), partition)
         path = self.path("potential", "input")
         if path is not None:
-            if not path.is_file():
+            if not os.path.isfile(path):
                 raise self._bad("potential", "input", f"there is no file {path}")
             return self._shared(self._of_script(path, units), partition)
         text = self.data["potential"]["lammps"]

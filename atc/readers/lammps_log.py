@@ -8,6 +8,7 @@ are, and which fixes add to energy and virial.
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -132,7 +133,7 @@ class LammpsLog:
     # ------------------------------------------------------------------------------------------------------------------
 
     def _read(self, path: Path) -> None:
-        if not path.is_file():
+        if not os.path.isfile(path):
             raise AtcError(f"there is no log file {path}")
         from ._bytes import open_bytes
 

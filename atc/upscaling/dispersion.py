@@ -3,6 +3,7 @@ constants and residuals."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 
 import numpy as np
@@ -269,7 +270,7 @@ def _crystal_of(scene, get, traj, units) -> Crystal:
             raise AtcError(
                 f"{scene.where('dispersion', 'unit_cell')}: [dispersion] give structure or unit_cell, not both"
             )
-        frame = scene._read(cell, "unit_cell") if cell.exists() else None
+        frame = scene._read(cell, "unit_cell") if os.path.exists(cell) else None
         if frame is None:
             raise AtcError(f"{scene.where('dispersion', 'unit_cell')}: [dispersion] unit_cell: there is no file {cell}")
         return Crystal.from_frame(frame[0], name=cell.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,7 +57,7 @@ def take_data_file(c: Command, folder: Path, style_names) -> tuple[Path, list[Co
     missing)."""
     options = data_options(c, folder)
     path = options.file
-    if not path.is_file():
+    if not os.path.isfile(path):
         return path, []
     try:
         commands = data_file_commands(path, {} if options.nocoeff else style_names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import deque
 from dataclasses import dataclass, field
@@ -101,7 +102,7 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
                 "input script"
             )
         path = Path(source).expanduser()
-        if not path.exists():
+        if not os.path.exists(path):
             raise AtcError(
                 f"{source}: no such file, nor LAMMPS lines (which start with a command such as pair_style or units)"
             )
@@ -388,7 +389,7 @@ def _types(model: _Model, kind: str, word: str, where: str) -> TypeRange:
 
 
 def _coeff_lines(model: _Model, style: _Style) -> list[CoeffLine]:
-    if not style.lines and model.data_file is not None and not model.data_file.is_file():
+    if not style.lines and model.data_file is not None and not os.path.isfile(model.data_file):
         raise AtcError(
             f"{style.where}: no {style.kind}_coeff lines for {style.kind}_style {style.name}, and the data file "
             f"{model.data_file} that may hold them is not there"

@@ -7,6 +7,7 @@ Variables, conditions, loops and included files are followed as LAMMPS follows t
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -438,7 +439,7 @@ class Interpreter:
             target = file
         else:
             path = self._find(name)
-            if not path.is_file():
+            if not os.path.isfile(path):
                 raise line.error(f"jump to another file, {name}, which is not there (looked for {path})")
             target = self._load(name, line.where)
         if label is None:

@@ -8,6 +8,7 @@ says must not contradict the script.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -120,14 +121,14 @@ class Setup:
             return []
         # Words behind the files would shift types, or scale the molecule.
         files = [self.folder / w for w in named[-1].words[1:]]
-        return [read_molecule(f) for f in files] if files and all(f.is_file() for f in files) else []
+        return [read_molecule(f) for f in files] if files and all(os.path.isfile(f) for f in files) else []
 
     def _open(self, path: Path, c: Command):
         """The data file of a read_data command; None if it is not there."""
-        if self._stand_in is not None and self._stand_in.name == path.name and not path.exists():
+        if self._stand_in is not None and self._stand_in.name == path.name and not os.path.exists(path):
             path = self._stand_in
         if path not in self._files:
-            if not path.is_file():
+            if not os.path.isfile(path):
                 return None
             from ...readers.lammps_data import LammpsData
 
@@ -154,7 +155,7 @@ class Setup:
     @property
     def missing(self) -> Path | None:
         """A data file that the script reads and that is not there."""
-        return next((p for p in self.data_files if not p.is_file()), None)
+        return next((p for p in self.data_files if not os.path.isfile(p)), None)
 
     # Carrying out
     # ------------------------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import warnings
 import zipfile
 from pathlib import Path
@@ -18,7 +19,7 @@ def file_of(model) -> Path | None:
     if not isinstance(model, (str, Path)):
         return None
     path = Path(model)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise AtcError(f"{path}: cannot read it: {'it is a directory' if path.is_dir() else 'no such file'}")
     return path
 

@@ -124,7 +124,7 @@ def system_of(source, kind: str, options: Options):
         return source, name
     files = [Path(source), *map(Path, options.parameters)]
     for file in files:
-        if not file.is_file():
+        if not os.path.isfile(file):
             raise AtcError(f"{file}: no such file")
     try:
         if kind == "openmm":
