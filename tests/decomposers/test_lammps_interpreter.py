@@ -302,3 +302,11 @@ def test_an_unknown_command_of_a_script_is_a_warning(tmp_path):
     (tmp_path / "in.run").write_text("units lj\npair_style lj/cut 2.5\npair_coeff * * 1 1\nbrew coffee\n")
     with pytest.warns(AtcWarning, match="line 4: 'brew'"):
         atc.potential(tmp_path / "in.run")
+
+
+def test_names_that_no_file_can_have(tmp_path):
+    """Longer than the system allows: as a file that is not there, wherever a script names one."""
+    name = "x" * 5000
+    for line in (f"jump {name} a", f"include {name}", f"if '1 == 1' then 'jump {name}'", f"pair_coeff * * {name} Ar"):
+        with pytest.raises(AtcError, match="x{40}"):
+            atc.potential(f"units metal\npair_style eam/alloy\n{line}\n")
