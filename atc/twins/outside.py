@@ -38,6 +38,8 @@ class NodeForce:
     carried : (X_nc, `smoothed.Shape`) of the atoms, or None
     """
 
+    friction = 0.0  # the engine's, which no law of a script has
+
     def __init__(self, law, inside_g, mass, cell, units, inside_n, carried=None):
         self.reference_cell, self.carried = cell, carried
         self.law, self.inside_g, self.mass, self.cell, self.units = law, inside_g, float(mass), cell, units
