@@ -367,16 +367,28 @@ def sum_pairs(
                     axpy4(acc_at, g + c, t, load4(b_at, b + c))
 
 
-def mark(p_ga, pad_a, limit2, edges, periodic_a, marked):
+@njit(**ENTRY)
+def mark(p_ga, pad, limit2, edges, periodic, marked):
     """Mark the bins whose centre is near a point; p_ga in bins."""
-    shape = np.array(marked.shape)
-    low_ga = np.floor(p_ga - pad_a).astype(np.int64)
-    # Bins from the lowest on, as many as any point needs: those too many are too far.
-    many = (np.floor(p_ga + pad_a).astype(np.int64) - low_ga).max(0) + 1
-    steps_ma = np.stack(np.meshgrid(*map(np.arange, many), indexing="ij"), -1).reshape(-1, 3)
-    for p, low in zip(p_ga, low_ga):
-        bins = low + steps_ma
-        inside = (periodic_a | ((bins >= 0) & (bins < shape))).all(1)
-        d = (bins + 0.5 - p) @ edges
-        near = bins[inside & (np.einsum("ma,ma->m", d, d) <= limit2)] % shape
-        marked[tuple(near.T)] = True
+    n0, n1, n2 = marked.shape
+    for g in range(len(p_ga)):
+        p0, p1, p2 = p_ga[g, 0], p_ga[g, 1], p_ga[g, 2]
+        for c0 in range(floor(p0 - pad[0]), floor(p0 + pad[0]) + 1):
+            if not periodic[0] and not 0 <= c0 < n0:
+                continue
+            for c1 in range(floor(p1 - pad[1]), floor(p1 + pad[1]) + 1):
+                if not periodic[1] and not 0 <= c1 < n1:
+                    continue
+                for c2 in range(floor(p2 - pad[2]), floor(p2 + pad[2]) + 1):
+                    if not periodic[2] and not 0 <= c2 < n2:
+                        continue
+                    d2 = 0.0
+                    for c in range(3):
+                        d = (
+                            (c0 + 0.5 - p0) * edges[0, c]
+                            + (c1 + 0.5 - p1) * edges[1, c]
+                            + (c2 + 0.5 - p2) * edges[2, c]
+                        )
+                        d2 += d * d
+                    if d2 <= limit2:
+                        marked[c0 % n0, c1 % n1, c2 % n2] = True
