@@ -247,6 +247,10 @@ class Case(Document):
         if run.get("solver", "verlet") != "verlet":
             why = f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step"
             self._refuse(("run",), run, ("safety", "damping"), why)
+            why = f"what is at rest under friction depends on how it came there: solver = {run['solver']!r} has none"
+            for path, t in self._contacts():
+                if t.get("friction"):
+                    raise self.bad((*path, "friction"), why)
             if breaking:
                 raise AtcError(
                     f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc '
@@ -272,6 +276,12 @@ class Case(Document):
         restart = self.path("run", "restart")
         if restart is not None and not os.path.isfile(restart):
             raise self.bad(("run", "restart"), f"there is no file {restart}")
+
+    def _contacts(self):
+        """(path, table) of everything that may rub."""
+        yield ("contact",), self.data.get("contact", {})
+        for section in ("indenter", "wall"):
+            yield from (((section, str(k)), t) for k, t in enumerate(self.data.get(section, [])))
 
     def _regions_used(self):
         for name, region in self.data.get("regions", {}).items():

@@ -111,6 +111,8 @@ def summary(ds, out, seconds, progress) -> None:
     drift = ""
     if moved > 0:
         drift = f"; the energy ledger closes to {abs(total - total[0]).max() / moved:.1e} of its largest part"
+        if "conductivity" in ds.attrs["case"] and "expansion" in ds.attrs["case"]:
+            drift += " (what heat brings of strain energy stands in none)"
     print(
         f"broken bonds: {int(ds['n_broken'][-1])} of {ds.attrs['bonds']}; largest damage "
         f"{float(ds['damage'][-1].max()) if 'damage' in ds else float('nan'):.3g}{drift}"

@@ -149,9 +149,12 @@ class Body:
             part = slice(a, a + (1 << 20))
             x = self.X_nc[i[part]]
             xi = self.X_nc[table.j_b[part]] - x
-            if len(table.image_b):
-                xi += table.images_tc[table.image_b[part]]
-            crossed[part] = notch.crosses(x, xi)
+            if not len(table.image_b):
+                crossed[part] = notch.crosses(x, xi)
+                continue
+            images = table.images_tc[table.image_b[part]]
+            whole = np.rint(images @ np.linalg.inv(self.cell.vectors))
+            crossed[part] = notch.crosses_periodic(x, xi + images, whole, self.cell.vectors)
         return crossed
 
     def nu_b(self) -> np.ndarray:

@@ -7,6 +7,7 @@ change; whether it still holds is the state's business (`State.intact_b`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -228,3 +229,13 @@ class Notch:
         uv = np.stack([p @ self.a, p @ self.b], axis=1) @ np.linalg.inv(gram)
         eps = 1e-12
         return hit & (uv >= -eps).all(axis=1) & (uv <= 1 + eps).all(axis=1)
+
+    def crosses_periodic(self, x_bc, xi_bc, image_bc, vectors) -> np.ndarray:
+        """(b,) the same in a periodic cell, for bonds that end in its images (b, 3), whole numbers: those pass the cell
+        in several pieces."""
+        hit = self.crosses(x_bc, xi_bc)
+        for axes in list(product((0, 1), repeat=3))[1:]:
+            some = np.flatnonzero((image_bc * axes).any(axis=1))
+            if len(some):
+                hit[some] |= self.crosses(x_bc[some] - (image_bc[some] * axes) @ vectors, xi_bc[some])
+        return hit

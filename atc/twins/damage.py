@@ -28,7 +28,8 @@ class NearestBonds:
         self.reference = reference
         self.cut = np.zeros(len(self.i), bool)
         for notch in notches:
-            self.cut |= notch.crosses(reference.positions[self.i], -self.r_bc)
+            x_bc, vectors = reference.positions[self.i], reference.cell.vectors
+            self.cut |= notch.crosses_periodic(x_bc, -self.r_bc, self.image, vectors)
         self.count_n = np.bincount(self.i, minlength=len(reference)) + np.bincount(self.j, minlength=len(reference))
 
     def gone(self, frame) -> np.ndarray:

@@ -190,9 +190,11 @@ def _twin(scene, tell, progress) -> Twin:
             AtcWarning,
             stacklevel=3,
         )
-    times = (
-        clock(frames, step and u.to_internal("time", step)) if motion == "dynamic" else np.arange(float(len(frames)))
-    )
+    if motion == "static" and get("safety") is not None:
+        raise AtcError(f"{scene.where('twin', 'safety')}: [twin] safety: of steps in time, which a static twin has not")
+    times = np.arange(float(len(frames)))
+    if motion == "dynamic" or get("indenter_velocity") is not None:
+        times = clock(frames, step and u.to_internal("time", step))
     boxes = [np.array(b, float) * length for b in get("grips", [])]
     script = from_script(pot, reference, made, _indenter(scene, get, u))
     held = np.repeat(gripped(made, reference, boxes, get("grip_types", []))[:, None], 3, axis=1)
@@ -417,7 +419,7 @@ def _advance(sim, frames, times, k, motion, safety) -> int:
     if motion == "static":
         from .. import pd
 
-        if k == 0 or sim.cell != frames[k].cell or sim.prescribed:
+        if k == 0 or sim.cell != frames[k].cell or sim.prescribed or sim.rigid:
             deform(sim, frames[k].cell)
             return pd.relax(sim, time=times[k]).evaluations
         return 0

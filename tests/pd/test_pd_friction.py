@@ -154,6 +154,13 @@ def test_cases_and_what_is_refused():
         pd.Contact(friction=np.nan)
     with pytest.raises(AtcError, match="the wall's point: friction is a coefficient"):
         pd.Wall((0, 0, 0), (0, 1, 0), 1.0, friction=-0.1)
+    case["run"] = {"steps": 1, "solver": "static"}
+    for what in (("contact", "friction"), ("indenter", 0, "friction"), ("wall", 0, "friction")):
+        with pytest.raises(AtcError, match=rf"case: \[{what[0]}\] friction: what is at rest"):
+            Case.load(case)
+        table = case[what[0]] if len(what) == 2 else case[what[0]][what[1]]
+        table["friction"] = 0.0
+    assert not Case.load(case).simulation(1).frictional
     case["contact"] = {"friction": "rough"}
     with pytest.raises(AtcError, match="Coulomb's coefficient"):
         Case.load(case)

@@ -156,3 +156,17 @@ def test_threads_change_nothing_in_a_shattered_body(monkeypatch):
         sim.step(25)
     assert a.model.blocks.count > 1 and a.model._standing.bond_b is not None and a.n_broken == b.n_broken
     same(a.state, b.state)
+
+
+def test_a_notch_beside_a_face_of_a_periodic_cell():
+    """It cuts what it cuts in the middle of the cell, bonds through the face too, wherever along both axes it lies."""
+    n = 20
+    x = np.stack(np.meshgrid(np.arange(n), np.arange(n), [0], indexing="ij"), axis=-1).reshape(-1, 3) + 0.5
+    found = []
+    for start, y in ((6.0, 10.01), (6.0, 19.01), (6.0, 0.99), (0.0, 10.01), (13.0, 19.01)):
+        notch = pd.Notch.line((start, y), (start + 7.0, y), as_damage=True)
+        cell = Cell([float(n), n, 1.0], periodic=[True, True, False])
+        body = pd.Body(x, 1.0, 1.0, 3.015, cell=cell, dimension=2, spacing=1.0, notches=notch)
+        assert len(body.bonds) == 14 * n * n
+        found.append(int(body.cuts[0]))
+    assert found[0] > 60 and found == found[:1] * 5

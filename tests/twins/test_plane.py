@@ -195,3 +195,12 @@ def test_only_plates_are_planar():
     assert pd.reference_frame(sim, "lj", planar=True).dimension == 2
     with pytest.raises(AtcError, match="one of a body in two dimensions, this one has 3"):
         pd.snapshot(pd.Simulation(pd.Body(x, 1.0, 3.0, 2.1, warn=False), law), "lj", planar=True)
+
+
+def test_cuts_lose_as_many_bonds_at_a_face_as_inside():
+    """Of the periodic sheet: two bonds for each unit of length between two rows, wherever these are."""
+    crystal, reference = Crystal.planar("hexagonal", 1.0, 1.0, "lj"), sheet()
+    for row in (1, 12, 2 * NY - 1, 2 * NY - 1e-6):
+        y = row * 3**0.5 / 2
+        notch = pd.Notch.line((4.1, y), (14.1, y), as_damage=True)
+        assert NearestBonds(reference, crystal, [notch]).cut.sum() == 20

@@ -58,3 +58,18 @@ def test_pictures_that_cannot_be_are_refused_before_the_run(tmp_path):
     result = CliRunner().invoke(app, ["twin", str(tmp_path / "scene.toml"), "--movie", str(tmp_path / "m.gif")])
     assert result.exit_code and "body:" not in result.output
     assert "--movie needs a regular or plane grid, not line" in f"{result.output} {result.exception}"
+
+
+def test_a_static_twin_follows_its_indenter(tmp_path):
+    """A moving indenter is at every frame where the frame's time says, and the nodes are in equilibrium there."""
+    frames = [block(), block(), block(time=crystal("argon").units.to_internal("time", 2.0))]
+    own = {"motion": "static", "grips": [[[-1, -1, -1], [3, 30, 30]]]}
+    own |= {"indenter_radius": 6.0, "indenter_stiffness": 0.001}
+    push = []
+    for x, velocity in ((11.0, [0.5, 0, 0]), (12.0, [0, 0, 0])):
+        given = scene(tmp_path / "run.dump", frames, **own, indenter_centre=[x, 13.2, 13.2], indenter_velocity=velocity)
+        push.append(atc.twin(given).dataset["pd_indenter_force"].values)
+    assert push[0][1] == pytest.approx(push[1][1], rel=1e-4, abs=1e-6)
+    assert abs(push[0][1] - push[0][0]).max() > 0.01 * abs(push[0]).max() > 0
+    with pytest.raises(AtcError, match="safety"):
+        atc.twin(scene(tmp_path / "run.dump", frames, motion="static", safety=0.2))
