@@ -165,3 +165,31 @@ def test_what_it_refuses():
     body = pd.Body(two.X_nc, two.V_n, 2.0, two.horizon, spacing=1.0, materials=np.arange(len(two)) % 2 + 1)
     with pytest.raises(AtcError, match="bond-associated: bonds of this material have no stiffness"):
         pd.Simulation(body, {m: pd.BondAssociated(K, G) for m in (1, 2)}, interfaces={(1, 2): 0.5})
+
+
+@pytest.mark.parametrize("kind", [pd.BondAssociated, pd.Correspondence])
+def test_influence_of_direction(kind):
+    """K takes any even ω(ξ): the energy of every homogeneous strain stays the isotropic one, momentum rounding; forces
+    of others are not those of ω = 1. What is odd, or for a material that would be anisotropic, is refused."""
+    body = block((6, 5, 5), jitter=0.1)
+    omega = lambda xi: 1 + 4 * xi[:, 0] ** 2 / (xi**2).sum(axis=1)  # noqa: E731
+    material = kind(K, G, influence=omega)
+    lam, mu = material.lame(body)
+    H = 1e-3 * np.array([[1.0, 0.3, 0.2], [-0.2, 0.5, 0.1], [0.4, 0.6, -0.7]])
+    sim = pd.Simulation(body, material, displacements=body.X_nc @ H.T)
+    E = 0.5 * (H + H.T + H.T @ H)
+    want = 0.5 * lam * np.trace(E) ** 2 + mu * (E * E).sum()
+    np.testing.assert_allclose(sim.strain_energy_n() / body.V_n, want, rtol=1e-10)
+    u = np.random.default_rng(3).uniform(-0.05, 0.05, body.X_nc.shape)
+    F, plain = (pd.Simulation(body, m, displacements=u).forces() for m in (material, kind(K, G)))
+    scale = np.abs(F).max()
+    assert np.abs(F.sum(axis=0)).max() < 1e-12 * scale and np.abs(F - plain).max() > 0.05 * scale
+    for bad, words in (
+        (lambda xi: 1 + 0.1 * xi[:, 0], "even"),
+        (lambda xi: -np.ones(len(xi)), "0 or more"),
+        (lambda xi: xi, "expected"),
+    ):
+        with pytest.raises(AtcError, match=f"influence: .*{words}"):
+            pd.Simulation(body, kind(K, G, influence=bad))
+    with pytest.raises(AtcError, match="influence: .*anisotropic"):
+        pd.Simulation(body, pd.LPS(K, G, influence=omega))

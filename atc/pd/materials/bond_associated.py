@@ -23,8 +23,10 @@ from ...errors import AtcError
 from ..bonds import HORIZON_SLACK, JIT
 from ..lanes import INLINE, C, gather
 from .base import AT_ONCE, BondForces, ForceModel, Isotropic, deformed
-from .correspondence import LEAST
 
+# The share that must be left of the smallest moment of a bond's family, or that end of the bond has no energy any more.
+# More than of a node's (`correspondence`): with 0.05 a shattering body gains kinetic energy from what is left.
+LEAST = 0.15
 # A thread takes as many nodes at least: their pairs of bonds are enough work.
 _NODES = 64
 
@@ -35,7 +37,9 @@ class BondAssociated(Isotropic):
     Parameters
     ----------
     bulk, shear, or youngs, poisson : three-dimensional constants
-    influence : "one" by default. volume_correction : the share ν of volumes near the horizon
+    influence : "one" by default; a name, a function of (|ξ|, δ), or one of ξ (b, 3) alone with ω(ξ) = ω(−ξ), whose
+        direction changes what nodes listen to and no elastic constant
+    volume_correction : the share ν of volumes near the horizon
 
     Notes
     -----
@@ -43,6 +47,7 @@ class BondAssociated(Isotropic):
     """
 
     name = "bond-associated"
+    directed = True
 
     def __init__(self, bulk=None, shear=None, *, youngs=None, poisson=None, influence="one", volume_correction=True):
         super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
