@@ -26,6 +26,7 @@ KEPT = {
         "pd.materials.pmb:PMB",
         "pd.materials.lps:LPS",
         "pd.materials.correspondence:Correspondence",
+        "pd.materials.bond_associated:BondAssociated",
     ],
 }
 PAIRS = [(protocol, name) for protocol, names in KEPT.items() for name in names]

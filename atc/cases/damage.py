@@ -101,7 +101,7 @@ def stiffness(case, materials) -> dict:
             if m not in materials:
                 raise case.bad(("interface", str(k), "between"), f"no node of the body is made of material {m}")
         if "stiffness" in t:
-            if any(materials[m].name == "correspondence" for m in pair):
+            if any(materials[m].name in ("correspondence", "bond-associated") for m in pair):
                 raise case.bad(
                     ("interface", str(k), "stiffness"),
                     "bonds of correspondence materials have no stiffness of their own: take pmb or lps, or bonded = "

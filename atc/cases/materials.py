@@ -101,8 +101,8 @@ def sampled_well(case, k, material, body) -> None:
         ', surface_correction = "energy"' if hasattr(material, "surface_correction") else ""
     )
     if not off <= MODULI_REFUSE and table["model"] != "pmb":
-        raise AtcError(f"{said}: take {advice} or correspondence")
-    warnings.warn(f"{said}; more accurate are {advice}, or correspondence", AtcWarning, stacklevel=4)
+        raise AtcError(f"{said}: take {advice}, correspondence or bond-associated")
+    warnings.warn(f"{said}; more accurate are {advice}, correspondence or bond-associated", AtcWarning, stacklevel=4)
 
 
 def keys_of(model, complain) -> dict[str, Key]:

@@ -29,9 +29,9 @@ displacements and forces, each a step.
 `bond_law` : decorator of the law of a bond, with which a subclass of PMB is a bond-based material of its own.
 `Conduction(conductivity, specific_heat)` for `Simulation(conduction=)`, with `FixedTemperature` and `HeatSource` among
 the conditions: heat flows in the bonds, and expands bodies with `expansion`.
-Materials: PMB, LPS, Correspondence, Elastic, Viscoelastic, Plastic; Linear (a micromodulus tensor, e.g. of a
-crystal) and Hyperelastic (any W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for tests
-that loop over all.
+Materials: PMB, LPS, Correspondence, BondAssociated, Elastic, Viscoelastic, Plastic; Linear (a micromodulus tensor,
+e.g. of a crystal) and Hyperelastic (any W(F) through correspondence); the table MATERIALS {name: make(bulk, shear)} for
+tests that loop over all.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _PUBLIC = {
     "bonds": "Notch Families",
     "regions": "Region Box Cylinder Sphere Nodes Everywhere",
     "materials": "PMB LPS Elastic Correspondence Hyperelastic Linear MATERIALS INFLUENCE BondForces Material bond_law "
-    "Plastic Viscoelastic",
+    "Plastic Viscoelastic BondAssociated",
     "damage": "CriticalStretch CriticalEnergy",
     "contact": "Contact",
     "indenter": "Indenter Wall",

@@ -189,7 +189,7 @@ def pulled_apart(**sections):
     return case
 
 
-@pytest.mark.parametrize("model", ["pmb", "lps", "correspondence"])
+@pytest.mark.parametrize("model", ["pmb", "lps", "correspondence", "bond-associated"])
 def test_a_weak_interface_breaks_first_and_only_there(model):
     case = pulled_apart(damage={"s00": 0.1}, interface={"between": ["glass", "steel"], "s00": 0.01}, model=model)
     sim = Case.load(case).simulation(1)
@@ -353,8 +353,9 @@ def test_mistakes(interface, words):
 
 
 def test_mistakes_that_only_the_body_shows():
-    with pytest.raises(AtcError, match="stiffness: bonds of correspondence materials"):
-        Case.load(bar(model="correspondence", interface={"between": [1, 2], "stiffness": 0.5})).simulation(1)
+    for model in ("correspondence", "bond-associated"):
+        with pytest.raises(AtcError, match="stiffness: bonds of correspondence materials"):
+            Case.load(bar(model=model, interface={"between": [1, 2], "stiffness": 0.5})).simulation(1)
     case = bar()
     case["material"][1].update(model="lps", poisson=0.25)
     with pytest.raises(AtcError, match=r"\[material\] lps beside pmb: .*one model"):

@@ -355,7 +355,7 @@ def test_ledger_closes_through_fracture_contact_indenter_and_prescribed_motion(n
         safe = np.isin(body.bonds.i_b, np.r_[left, right]) | np.isin(body.bonds.j_b, np.r_[left, right])
         assert np.all(sim.state.intact_b[safe] == 2)
     # O(Δt²) for springs; where the going of one bond changes the pull of others at once, O(Δt).
-    within = {"pmb": 1e-4, "lps": 2e-4, "elastic": 2e-4, "correspondence": 3e-3}[name]
+    within = {"pmb": 1e-4, "lps": 2e-4, "elastic": 2e-4, "correspondence": 3e-3, "bond-associated": 3e-3}[name]
     assert errors[0] < within and errors[1] < errors[0] / (10 if name == "pmb" else 2.5)
 
 
@@ -432,7 +432,8 @@ def test_constants_of_every_dimension(dimension, plane):
     body = pd.Body.lattice(pd.Box((0, 0, 0), size), 1.0, horizon, 1.0, dimension=dimension, plane=plane, thickness=0.7)
     middle = np.argmin(np.abs(body.X_nc - size / 2).max(axis=1))
     E, nu = 2.0, 0.25 if plane == "strain" or dimension == 3 else 1 / 3
-    for material in (pd.PMB(youngs=E), pd.LPS(youngs=E, poisson=nu), pd.Correspondence(youngs=E, poisson=nu)):
+    state_based = [m(youngs=E, poisson=nu) for m in (pd.LPS, pd.Correspondence, pd.BondAssociated)]
+    for material in (pd.PMB(youngs=E), *state_based):
         lam, mu = material.lame(body)
         if dimension == 2 and plane == "stress":
             assert mu == pytest.approx(E / (2 * (1 + nu))) and lam == pytest.approx(E * nu / (1 - nu**2))
@@ -448,8 +449,8 @@ def test_constants_of_every_dimension(dimension, plane):
             W = sim.strain_energy_n()[middle] / body.V_n[middle] / 1e-14
             want = 0.5 * lam * np.trace(eps) ** 2 + mu * (eps * eps).sum()
             # The lattice as a quadrature of the horizon: ν takes off about 1/8 Δx of δ, to the power d + 1 in PMB,
-            # normalised away by m in LPS; a correspondence material has no such error.
-            within = {"pmb": 0.125, "lps": 0.06, "correspondence": 1e-5}[material.name]
+            # normalised away by m in LPS; correspondence materials have no such error.
+            within = {"pmb": 0.125, "lps": 0.06, "correspondence": 1e-5, "bond-associated": 1e-5}[material.name]
             assert W == pytest.approx(want, rel=within), (material.name, eps)
     c = pd.PMB(youngs=E).micromodulus(body)
     h, delta = body.thickness, body.horizon

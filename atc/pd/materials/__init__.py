@@ -1,6 +1,7 @@
 """Materials of peridynamic bodies, one file each. `MATERIALS` is the table over which every invariance test loops."""
 
 from .base import INFLUENCE, BondForces, Material
+from .bond_associated import BondAssociated
 from .correspondence import Correspondence
 from .hyperelastic import Hyperelastic
 from .linear import Linear
@@ -14,6 +15,7 @@ __all__ = [
     "LPS",
     "MATERIALS",
     "PMB",
+    "BondAssociated",
     "BondForces",
     "Correspondence",
     "Elastic",
@@ -31,6 +33,7 @@ MATERIALS = {
     "pmb": lambda bulk, shear: PMB(bulk),
     "lps": lambda bulk, shear: LPS(bulk, shear),
     "correspondence": lambda bulk, shear: Correspondence(bulk, shear),
+    "bond-associated": lambda bulk, shear: BondAssociated(bulk, shear),
     "elastic": lambda bulk, shear: Elastic(
         9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
     ),

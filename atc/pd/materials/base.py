@@ -3,6 +3,7 @@ the force model's interface."""
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,11 @@ INFLUENCE = {
 
 def influence_function(which):
     """ω(|ξ|, δ) by name, or the user's own vectorised function of both."""
+    if of_vector(which):
+        raise AtcError(
+            "influence: a function of the bond's vector, one argument, has no values by length alone, and makes all "
+            "but correspondence and bond-associated materials anisotropic: give those one of (|xi|, horizon)"
+        )
     if callable(which):
         return which
     if which not in INFLUENCE:
@@ -34,6 +40,37 @@ def influence_function(which):
             "horizon)"
         )
     return INFLUENCE[which]
+
+
+def of_vector(influence) -> bool:
+    """Whether an influence function is one of ξ, with its direction: it takes one argument."""
+    if not callable(influence):
+        return False
+    try:
+        parameters = list(inspect.signature(influence).parameters.values())
+    except ValueError:
+        return False
+    return len(parameters) == 1 and parameters[0].kind in (
+        inspect.Parameter.POSITIONAL_ONLY,
+        inspect.Parameter.POSITIONAL_OR_KEYWORD,
+    )
+
+
+def sampled_influence(influence, xi_bc):
+    """(b,) ω of bond vectors; refused where ω(ξ) is negative, or not ω(−ξ)."""
+    ahead, back = (np.asarray(influence(xi), float) for xi in (xi_bc, -xi_bc))
+    for w in (ahead, back):
+        if w.shape != (len(xi_bc),):
+            raise AtcError(
+                f"influence: it gave shape {w.shape} for {len(xi_bc)} bond vectors, expected ({len(xi_bc)},)"
+            )
+        if not (np.isfinite(w) & (w >= 0)).all():
+            raise AtcError("influence: it must be a number, 0 or more, of every bond vector")
+    if not np.abs(ahead - back).max(initial=0.0) <= 1e-10 * ahead.max(initial=0.0):
+        raise AtcError(
+            "influence: it must be even, that of xi and -xi the same, or the two ends of a bond weigh it differently"
+        )
+    return 0.5 * (ahead + back)
 
 
 def sphere_measure(dimension: int, thickness: float):
@@ -83,6 +120,7 @@ class Material:
     name = "material"
     by_numbers = True  # whether constants alone define it
     springs = True  # whether the energy of a bond grows like the square of its stretch
+    directed = False  # whether its influence function may be one of the bond's vector
     volume_correction = True
     surface_correction = None
     influence = "one"
@@ -261,7 +299,9 @@ class ForceModel:
             )
         W = body.V_n[t.i_b]
         W *= body.V_n[t.j_b]
-        if first.influence != "one":
+        if of_vector(first.influence) and first.directed:
+            W *= sampled_influence(first.influence, t.xi_bc(body.X_nc))
+        elif first.influence != "one":
             W *= influence_function(first.influence)(t.r0_b, body.horizon)
         if first.volume_correction:
             W *= body.nu_b()

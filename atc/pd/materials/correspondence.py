@@ -30,10 +30,13 @@ class Correspondence(Isotropic):
     ----------
     bulk, shear, or youngs, poisson : three-dimensional constants
     stabilisation : how stiff zero-energy modes are, relative to an LPS bond (0 switches it off)
-    influence : "one" by default. volume_correction : the share ν of volumes near the horizon
+    influence : "one" by default; a name, a function of (|ξ|, δ), or one of ξ (b, 3) alone with ω(ξ) = ω(−ξ), whose
+        direction changes what nodes listen to and no elastic constant
+    volume_correction : the share ν of volumes near the horizon
     """
 
     name = "correspondence"
+    directed = True
 
     def __init__(
         self,

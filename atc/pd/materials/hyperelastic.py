@@ -18,7 +18,9 @@ class Hyperelastic(Isotropic):
     law : called as ``law(H)`` with (n, 3, 3) displacement gradients H = F − 1; gives (n,) W and (n, 3, 3) P = ∂W/∂F.
         Its ``moduli_vv`` are the (6, 6) elastic constants at rest, Voigt's order xx yy zz yz xz xy.
     stabilisation : how stiff zero-energy modes are, relative to the bond of an isotropic solid of Voigt's shear modulus
-    influence : "one" by default. volume_correction : the share ν of volumes near the horizon
+    influence : "one" by default; a name, a function of (|ξ|, δ), or one of ξ (b, 3) alone with ω(ξ) = ω(−ξ), whose
+        direction changes what nodes listen to and no elastic constant
+    volume_correction : the share ν of volumes near the horizon
 
     Notes
     -----
@@ -26,6 +28,7 @@ class Hyperelastic(Isotropic):
     """
 
     name = "hyperelastic"
+    directed = True
     by_numbers = False
 
     def __init__(self, law, *, stabilisation=0.1, influence="one", volume_correction=True):
