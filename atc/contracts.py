@@ -142,6 +142,10 @@ class Interactions(Protocol):
         sites."""
         return frame
 
+    def held_by_topology(self, frame: Frame) -> Interactions:
+        """The model with the constraints that a frame's topology says, where nothing else says any."""
+        return self
+
     def settled(self, frame: Frame) -> Interactions:
         """The model for a trajectory that begins with this frame."""
         return self

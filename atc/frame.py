@@ -139,6 +139,18 @@ class Cell:
         return f"Cell({self.vectors.tolist()}, origin={self.origin.tolist()}, periodic={p!r})"
 
 
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Distances that a run holds, as the file of its topology says (GROMACS's .tpr).
+
+    pairs_c2 : (c, 2) atoms by index. source : the file. unknown : why they are not known, in one line, else ""
+    """
+
+    pairs_c2: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    source: str = ""
+    unknown: str = ""
+
+
 @dataclass(repr=False)
 class Topology:
     """Bonded terms by atom *index* into the frame they belong to. Types are LAMMPS's, from 1.
@@ -158,6 +170,7 @@ class Topology:
     impropers: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int64))
     improper_types: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     weighted: Topology | None = None
+    held: Held | None = None  # what its file says of constraints; None: nothing
     untold: str = ""  # why it is not known which atoms are bonded: an error where that is needed
 
     def __bool__(self):

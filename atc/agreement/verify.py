@@ -165,6 +165,7 @@ def verify(traj, pot, calculator=None, *, symbols=None, threads: int = 1) -> Ver
     frames, pot = matched(as_frames(traj, pot), pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to verify")
+    pot = pot.held_by_topology(frames[0])
     u = frames[0].units
     against = "the trajectory's own forces" if calculator is None else f"the ASE calculator {type(calculator).__name__}"
     out = Verification(against, {"energy": u.label("energy"), "force": u.label("force"), "stress": u.label("pressure")})

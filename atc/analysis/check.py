@@ -86,9 +86,9 @@ def check(
     if pot.fields:
         # Stencils and differences of energies see what fields may leave out.
         pot = converged(pot, law.FIELD_TOLERANCE)
-    free = pot
+    pot = free = pot.settled(frame)
     if pot.constraints is not None:
-        pot, free = pot.settled(frame), pot.constrained(None)
+        free = pot.constrained(None)
     if not len(frame):
         raise AtcError(f"{frame.source}: holds no atoms: there is nothing to check")
     frame = pot.carriers(frame)  # with virtual sites, which have energies

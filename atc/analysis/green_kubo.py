@@ -98,7 +98,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     for frame in frames:
         frame = pot.complete(frame)
         frame, pot = matched(frame, pot)
-        if first is None and pot.constraints is not None:
+        if first is None:
             pot = pot.settled(frame)
         held = 0 if pot.constraints is None else pot.constraints.taken(frame)
         first = frame if first is None else first

@@ -511,10 +511,21 @@ class Scene(Document):
 
         if isinstance(table.get("pairs"), str):
             table["pairs"] = self._columns("constraints", "pairs", 2).astype(int).tolist()
-        if pot.constraints is None and not {"bonds", "pairs"} & {*table} and not table.get("molecules"):
+        named = bool({"bonds", "pairs"} & {*table}) or bool(table.get("molecules"))
+        if table.get("topology") and named:
+            raise self._bad("constraints", "topology", "bonds, molecules and pairs say it, too: leave one of them out")
+        if table.get("topology") is False and pot.constraints is None and not named:
+            return pot.constrained(None)
+        if pot.constraints is None and not named and not self._says_constraints():
             raise self.need("constraints", "the potential has none: say what is held: bonds, molecules or pairs")
         own = self.get("trajectory", "units")
         return constrained(pot, table, units(own) if own else pot.units, f"{self.where('constraints')}: [constraints]")
+
+    def _says_constraints(self) -> bool:
+        """Whether the topology is of the kind that says which distances the run held."""
+        files = self._files()
+        names = [*(files if isinstance(files, list) else [files]), self.get("trajectory", "topology")]
+        return any(str(name).lower().endswith(".tpr") for name in names if name is not None)
 
     def _shared(self, pot, partition):
         pot, alpha = self._held(pot), self.get("potential", "alpha")

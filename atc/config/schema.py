@@ -405,6 +405,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             "pairs of atom ids whose distance is held, e.g. [[1, 2], [1, 3]], or a file of two columns",
             path=True,
         ),
+        "topology": Key(_boolean, "whether a .tpr topology says what is held, where nothing else does: true or false"),
         "source": Key(_choice(_constraint_sources), 'what constraint forces are found from, e.g. "forces"'),
         "temperature": Key(
             _positive, "a temperature greater than 0, for constraint forces that are right on average only"

@@ -17,9 +17,10 @@ from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from .base import Accumulator, Work
-from .bonded import CHUNK, BondedTerm, Images, degrees, energy, length, per_length2, register_bonded
+from .bonded import CHUNK, BondedTerm, degrees, energy, length, per_length2, register_bonded
 from .bonded_table import Tables, build_tables
 from .cluster import weights_of
+from .images import Images
 from .registry import angle_style
 
 # LAMMPS's SMALL: the least sin θ that is divided by.

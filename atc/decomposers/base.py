@@ -254,6 +254,7 @@ class Potential(Interactions):
     sites : `virtual_sites.VirtualSites`, points besides the atoms that forces act on, or None
     acting : `outside.OutsideForces` of the script, None where nothing says whether there are any
     moved : groups of the script that ``fix move`` moves
+    unheld : whether it was said that nothing is held
     """
 
     unmentioned: tuple[str, ...] = ()
@@ -265,6 +266,7 @@ class Potential(Interactions):
     atom_style: str = ""
     timestep: float | None = None
     sites = None
+    unheld: bool = False
 
     def _repr_html_(self):
         """For notebooks: its terms, and how far they reach."""
@@ -333,12 +335,18 @@ class Potential(Interactions):
         across = self.sites is not None or (self.constraints is not None and self.constraints.across)
         return all(t.central for t in self.terms) and not across
 
+    def held_by_topology(self, frame: Frame) -> Potential:
+        """The same potential with the constraints that a frame's topology says (GROMACS's .tpr), where nothing else
+        says any; see `constraint_topology`."""
+        from .constraint_topology import held_by_topology
+
+        return held_by_topology(self, frame)
+
     def settled(self, frame: Frame) -> Potential:
         """The same potential for a trajectory that begins with this frame, which must say what its constraints need.
         Raises AtcError where it does not."""
-        if self.constraints is None:
-            return self
-        return self.constrained(self.constraints.settled(self.complete(frame)))
+        pot = self.held_by_topology(frame)
+        return pot if pot.constraints is None else pot.constrained(pot.constraints.settled(pot.complete(frame)))
 
     def as_in_file(self, frame: Frame) -> Potential:
         """The same potential with the forces that the file of a run has: without those of constraints where it has none
@@ -380,9 +388,9 @@ class Potential(Interactions):
         raise AtcError(f"{frame.source}: body_force: the forces from outside: {why}: dump fx fy fz too")
 
     def constrained(self, constraints) -> Potential:
-        """The same potential with other `Constraints`, None for none."""
+        """The same potential with other `Constraints`, None for none, whatever a topology says."""
         new = copy(self)
-        new.constraints = constraints
+        new.constraints, new.unheld = constraints, constraints is None
         return new
 
     def partitioned(self, partition) -> Potential:

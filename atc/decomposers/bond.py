@@ -9,8 +9,9 @@ from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from .base import Accumulator, Work
-from .bonded import CHUNK, BondedTerm, Images, energy, length, per_length, per_length2, register_bonded
+from .bonded import CHUNK, BondedTerm, energy, length, per_length, per_length2, register_bonded
 from .bonded_table import Tables, build_tables
+from .images import Images
 from .registry import bond_style
 
 # LAMMPS stops evaluating the logarithm of FENE here (it warns, and uses this value), which is at 0.949 R0.

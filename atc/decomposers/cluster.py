@@ -10,7 +10,8 @@ from ..compiled import njit
 from ..errors import AtcError
 from ..frame import Frame
 from .base import Accumulator, Term, Work
-from .bonded import Images, first_true
+from .bonded import first_true
+from .images import Images
 
 _TERMS_PER_TASK = 2048
 _NOTHING = np.zeros(0)

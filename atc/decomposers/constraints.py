@@ -16,9 +16,9 @@ import numpy as np
 from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
-from .bonded import Images
 from .constraint_rules import Rule
 from .constraint_solvers import System, molecules_of
+from .images import Images
 from .rigid_bodies import bodies_of
 
 #: What constraint forces can be found from, best first.
@@ -73,6 +73,8 @@ class Constraints:
         self.source, self.temperature, self.timestep = source, temperature, timestep
         self.behind, self.contained = float(behind), contained
 
+        #: Whether nobody said so: a reader's default.
+        self.assumed = False
         #: Whether bodies carry loads across the plane or line they lie in.
         self.across = False
         self._last = None

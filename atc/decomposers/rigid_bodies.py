@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Frame
-from .bonded import Images
+from .images import Images
 
 #: Eigenvalues below this part of the largest are zero: of inertia (atoms on a line), and of K (its rigid motions, and
 #: loads across a plane or a line).

@@ -93,9 +93,14 @@ class AtomFactors:
         return np.ones((len(self.atoms), 1))
 
     def _degrees(self):
-        constraints = None if self.pot is None else self.pot.constraints
+        if self.pot is None:
+            from ..decomposers.constraint_topology import degrees_of_topology
+
+            free = degrees_of_topology(self.atoms)
+            return self._one() if free is None else free[:, None] / self.frame.dimension
+        constraints = self.pot.constraints
         if constraints is None:
-            inside = self.pot is not None and self.pot.sites is not None
+            inside = self.pot.sites is not None
             return (self.atoms.masses > 0.0)[:, None].astype(float) if inside else self._one()
         return constraints.degrees(self.pot.complete(self.atoms))[:, None] / self.frame.dimension
 

@@ -62,10 +62,13 @@ def prepare(request: Request | Job) -> Job:
         raise AtcError("the trajectory has no frames: nothing to compute")
     first = frames[0]
     reference, grid = _reference(request, frames, pot), request.grid
-    if work.bond_users and pot is not None and pot.constraints is not None:
+    if work.bond_users and pot is not None:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
+    if work.bond_users and pot is not None and pot.constraints is not None:
         work = Work.of(request.quantities, pot.central, churnless=pot.churnless, **more)
+    elif pot is not None and "degrees" in work.site:
+        pot = pot.held_by_topology(first)
     if crossing:
         assert isinstance(request.grid, Grid)
         require_countable(work, pot, request.grid)
@@ -334,7 +337,9 @@ class Job:
         are in the first frame) and from outside."""
         pot, work = self.request.pot, self.work
         if pot is None or (not work.force_users and (not work.bond_users or pot.constraints is None)):
-            return {}
+            from ..decomposers.constraint_topology import said_of_degrees
+
+            return said_of_degrees(pot, self.first) if "degrees" in work.site else {}
         d = pot.stream(self.first, None, threads=self.threads, forces=bool(work.force_users))
         out = {} if d.held is None else pot.constraints.attributes(d.held)
         if work.force_users:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -146,7 +147,22 @@ class MDAnalysisTrajectory(Trajectory):
                 types.append(int(t) if str(t).isdigit() else numbers.setdefault(str(t), len(numbers) + 1))
             out[name] = np.array([rows[k] for k in inside], np.int64).reshape(-1, width)
             out[f"{name[:-1]}_types"] = np.array(types, np.int64)
-        return Topology(**out) if out else None
+        held = self._universe_constraints(place)
+        return Topology(**out, held=held) if out or (held is not None and held.unknown) else None
+
+    def _universe_constraints(self, place):
+        """The constraints of a GROMACS run input, whose kind the Universe has lost; None of other topologies."""
+        file = self._atoms.universe.filename
+        if not isinstance(file, (str, os.PathLike)) or not os.fspath(file).lower().endswith(".tpr"):
+            return None
+        from .gromacs_tpr import constraints_of
+
+        held = constraints_of(os.fspath(file), len(self._atoms.universe.atoms))
+        if len(place) == len(self._atoms.universe.atoms) and all(k == ix for ix, k in place.items()):
+            return held
+        # Bonds, which constraints are to MDAnalysis, lead out of no choice of atoms.
+        rows = [[place[i], place[j]] for i, j in held.pairs_c2.tolist() if i in place and j in place]
+        return replace(held, pairs_c2=np.array(rows, np.int64).reshape(-1, 2))
 
     @property
     def type_names(self):

@@ -201,6 +201,8 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
         attrs.update(job.held)
         if (sums := job.field_sums()) is not None:
             attrs.update(attributes(sums, job.request.pot.complete(job.first)))
+    elif "degrees" in work.site:
+        attrs.update(job.held)
     if job.request.select is not None:
         attrs["selected_atoms"] = job.request.select.describe()
     if (job.request.select is not None or apart) and work.bond_users:

@@ -32,4 +32,8 @@ def potential_from_openmm(source, kind: str | None = None, **options):
     kind = kind_of(source) if kind is None else kind
     made = Options.of(source, kind, options)
     system, name = system_of(source, kind, made)
-    return potential_of(system, name, made.switching, made.chiral)
+    pot = potential_of(system, name, made.switching, made.chiral)
+    if pot.constraints is not None and kind != "openmm":
+        # Readers hold water rigid unless told otherwise; a run input that says what was held knows better.
+        pot.constraints.assumed = made.constraints is None and made.rigid_water is None
+    return pot

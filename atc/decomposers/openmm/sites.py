@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import AtcError
-from ..bonded import Images
+from ..images import Images
 from ..virtual_sites import Places
 from .formulas import OPENMM, _number
 
