@@ -308,12 +308,18 @@ def find_pairs(
     return n
 
 
-def renumber(bond_l):
-    """The bonds of pairs, each once, in their order; in `bond_l` their numbers among these take their place."""
-    first = np.diff(bond_l, prepend=-1) != 0
-    which = bond_l[first]
-    bond_l[:] = np.cumsum(first) - 1
-    return which
+@njit(**ENTRY)
+def renumber(n, bond_l):
+    """The bonds of the first n pairs, each once, in their order; in `bond_l` their numbers among these take their
+    place. Compiled: as numpy it cost a small frame a twentieth."""
+    which, count, before = np.empty(n, bond_l.dtype), 0, -1
+    for l in range(n):
+        if bond_l[l] != before:
+            before = bond_l[l]
+            which[count] = before
+            count += 1
+        bond_l[l] = count - 1
+    return which[:count]
 
 
 def sum_pairs(

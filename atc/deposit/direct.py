@@ -384,7 +384,7 @@ class PointsDeposit(Deposit):
         r_bc = _array(r_bc)
         for n, pairs in self._pairs(_array(x_nc), _array(i_b, np.int32), r_bc, thread):
             if n:
-                bonds = _points.renumber(pairs[1][:n])
+                bonds = _points.renumber(n, pairs[1])
                 yield Found(bonds, n, pairs, r_bc[bonds])
 
     def add_found(self, found, b_bk, thread=0):
