@@ -31,8 +31,6 @@ def picture(data, path, title, components=None):
 def over_line(data, title, components=None):
     """Figure of a line grid: both sides at the first, the middle and the last frame, one row for each component. By
     default the displacement and the stress that vary most over time."""
-    from matplotlib.figure import Figure
-
     from .drawing import figure, titled
     from .geometry import points_of_grid, unit_text
 
@@ -41,8 +39,8 @@ def over_line(data, title, components=None):
     n = data.sizes["frame"]
     frames = sorted({0, n // 2, n - 1})
     components = components or [_varying(data, "displacement"), _varying(data, "stress")]
-    fig, axs = figure(Figure, len(frames) * len(components), 4.2, 2.9, columns=len(frames))
-    for row, (name, index, label) in zip(axs.reshape(-1, len(frames)), components):
+    fig, axs = figure(len(frames) * len(components), 4.2, 2.9, columns=len(frames))
+    for row, (name, index, label) in zip(np.reshape(axs, (-1, len(frames))), components):
         units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
         for ax, k in zip(row, frames):
             inside = _matter(data)[k]

@@ -151,6 +151,6 @@ def test_nodes_of_a_basis_are_centres_of_its_cells():
     c, frame = crystal("silicon"), supercell("silicon", (2, 2, 2))
     through = kept_place(frame, c, np.eye(3))
     kernel = atc.kernel("quartic", 6.0)
-    made = body_of(frame, kernel, c.density, c.lattice_constant, None, 1.8, through)
+    made = body_of(frame, kernel, c.density, c.lattice_constant, None, 1.8, through=through)
     d = np.sort(np.linalg.norm(nearest(frame.cell, made.body.X_nc[:, None] - frame.positions), axis=2), axis=1)
     assert len(made.body) == 8 and d[:, :2] == pytest.approx(np.full((8, 2), 3**0.5 / 8 * 5.431), abs=1e-2)
