@@ -86,9 +86,10 @@ def check(
     if pot.fields:
         # Stencils and differences of energies see what fields may leave out.
         pot = converged(pot, law.FIELD_TOLERANCE)
-    pot = free = pot.settled(frame)
-    if pot.constraints is not None:
-        free = pot.constrained(None)
+    free = pot
+    if pot.constraints is not None or (frame.topology is not None and frame.topology.held is not None):
+        pot = pot.settled(frame)
+        free = pot if pot.constraints is None else pot.constrained(None)
     if not len(frame):
         raise AtcError(f"{frame.source}: holds no atoms: there is nothing to check")
     frame = pot.carriers(frame)  # with virtual sites, which have energies
