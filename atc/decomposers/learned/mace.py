@@ -154,8 +154,6 @@ def mace(model, types=None, *, head=None, stress="edge", reference=None, batch=N
         float(model.r_max),
         int(model.num_interactions),
         units="metal",
-        types=types,
-        stress=stress,
         species=[SYMBOLS[int(z) - 1] for z in model.atomic_numbers],
         **shared,
         precision=precision,

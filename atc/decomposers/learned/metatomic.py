@@ -133,8 +133,6 @@ def metatomic(
         cutoff,
         hops,
         units="metal",
-        types=types,
-        stress=stress,
         species=[SYMBOLS[z - 1] if 1 <= z <= len(SYMBOLS) else str(z) for z in capabilities.atomic_types],
         **shared,
         precision=own,

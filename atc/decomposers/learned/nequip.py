@@ -123,8 +123,6 @@ def nequip(
         float(metadata["r_max"]),
         hops,
         units="metal",
-        types=types,
-        stress=stress,
         species=metadata["type_names"].split(),
         **shared,
         precision=precision,
