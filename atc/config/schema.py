@@ -147,6 +147,12 @@ def _partition(v):
     return _string(v)
 
 
+def _words(v):
+    if not isinstance(v, dict):
+        raise ValueError
+    return {str(k): _string(u) for k, u in v.items()}
+
+
 def _masses(v):
     if isinstance(v, list):
         return _list_of(_positive)(v)
@@ -493,7 +499,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'
         ),
         "column_units": Key(
-            lambda v: {str(k): _string(u) for k, u in v.items()},
+            _words,
             'the units of columns of the dump, e.g. { c_pe = "eV" }: for quantities such as column:c_pe',
         ),
         "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),

@@ -1,5 +1,8 @@
 """Scenes: what is accepted, what is refused and how, and that a resolved scene can be read back."""
 
+import contextlib
+import copy
+import datetime
 import tomllib
 
 import pytest
@@ -379,3 +382,17 @@ def test_partition_of_the_energy(tmp_path):
     scene["potential"]["partition"] = 3
     with pytest.raises(AtcError, match="how energy is shared"):
         Scene.load(scene)
+
+
+@pytest.mark.parametrize("of", ["scene", "case"])
+def test_values_of_any_kind_are_taken_or_refused(of):
+    """What TOML can hold under any key: its check says no by ValueError or TypeError, as `check_value` expects."""
+    from atc.cases.schema import ARRAYS, TABLES
+
+    kinds = (float("nan"), -1, 2**70, True, "", "x", [], [[]], {}, {"a": {}}, [{"a": 1}], {"a": "b"}, [1, "x"])
+    kinds += (datetime.date(2026, 1, 1), {"kind": 1}, [None], ["x"], {"": ""}, 1e308, "9" * 5000)
+    for keys in (SCHEMA if of == "scene" else TABLES | ARRAYS).values():
+        for spec in keys.values():
+            for value in kinds:
+                with contextlib.suppress(ValueError, TypeError, AtcError):
+                    spec.check(copy.deepcopy(value))
