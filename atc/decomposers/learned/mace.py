@@ -148,14 +148,17 @@ def mace(model, types=None, *, head=None, stress="edge", reference=None, batch=N
         model, precision if precision in ("float32", "float64") else "float64", _device(device, name)
     )
     energies = _Energies(model, heads.index(head) if head is not None else 0)
-    shared = {"types": types, "stress": stress, "reference": reference, "batch": batch, "device": device}
     term = EdgeModel(
         energies,
         float(model.r_max),
         int(model.num_interactions),
         units="metal",
         species=[SYMBOLS[int(z) - 1] for z in model.atomic_numbers],
-        **shared,
+        types=types,
+        stress=stress,
+        reference=reference,
+        batch=batch,
+        device=device,
         precision=precision,
         name=f"MACE {name}" if path is not None else "MACE",
         own=energies.own,

@@ -127,14 +127,17 @@ def metatomic(
     model = model.to(where)
     output = package.ModelOutput(unit="eV", sample_kind="atom")
     options = package.ModelEvaluationOptions(length_unit="angstrom", outputs={"energy": output})
-    shared = {"types": types, "stress": stress, "reference": reference, "batch": batch, "device": device}
     term = EdgeModel(
         _Energies(model, list(capabilities.atomic_types), options, lists),
         cutoff,
         hops,
         units="metal",
         species=[SYMBOLS[z - 1] if 1 <= z <= len(SYMBOLS) else str(z) for z in capabilities.atomic_types],
-        **shared,
+        types=types,
+        stress=stress,
+        reference=reference,
+        batch=batch,
+        device=device,
         precision=own,
         name=f"metatomic {name}" if path is not None else "metatomic",
     )

@@ -117,14 +117,17 @@ def nequip(
     if hops is None:
         hops = _hops(model, name)
     energies = _Energies(model, energy)
-    shared = {"types": types, "stress": stress, "reference": reference, "batch": batch, "device": device}
     term = EdgeModel(
         energies,
         float(metadata["r_max"]),
         hops,
         units="metal",
         species=metadata["type_names"].split(),
-        **shared,
+        types=types,
+        stress=stress,
+        reference=reference,
+        batch=batch,
+        device=device,
         precision=precision,
         name=f"NequIP {name}" if path is not None else "NequIP",
         own=energies.own,
