@@ -307,6 +307,14 @@ class ForceModel:
             W *= body.nu_b()
         return W
 
+    def refuse_interfaces(self, interfaces):
+        """Raise where bonds get what they do from their nodes' families."""
+        if interfaces:
+            raise AtcError(
+                f"{self.first.name}: bonds of this material have no stiffness of their own that an interface could "
+                "change; take pmb or lps, let the interface break, or leave it unbonded"
+            )
+
     def interface_factor(self, interfaces):
         """(b,) how stiff bonds are relative to the default, or None where nothing says so. `interfaces` : {(a, b):
         factor}, or None."""

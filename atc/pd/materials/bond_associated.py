@@ -64,11 +64,7 @@ class BondAssociatedModel(ForceModel):
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
-        if interfaces:
-            raise AtcError(
-                "bond-associated: bonds of this material have no stiffness of their own that an interface could "
-                "change; take pmb or lps, let the interface break, or leave it unbonded"
-            )
+        self.refuse_interfaces(interfaces)
         lame = {id(m): m.lame(body) for m in materials.values()}
         self.lam_n = self.per_node(lambda m: lame[id(m)][0])
         self.mu_n = self.per_node(lambda m: lame[id(m)][1])

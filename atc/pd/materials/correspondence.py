@@ -12,7 +12,6 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
-from ...errors import AtcError
 from ..blocks import collect
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
@@ -64,12 +63,7 @@ class CorrespondenceModel(ForceModel):
 
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
-        if interfaces:
-            raise AtcError(
-                "correspondence: bonds of this material have no stiffness of their own that an interface could "
-                "change; take pmb or lps, "
-                "let the interface break, or leave it unbonded"
-            )
+        self.refuse_interfaces(interfaces)
         lame = {id(m): m.lame(body) for m in materials.values()}
         self.lam_n = self.per_node(lambda m: lame[id(m)][0])
         self.mu_n = self.per_node(lambda m: lame[id(m)][1])
