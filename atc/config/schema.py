@@ -147,18 +147,21 @@ def _partition(v):
     return _string(v)
 
 
-def _words(v):
-    if not isinstance(v, dict):
-        raise ValueError
-    return {str(k): _string(u) for k, u in v.items()}
+def _table_of(check):
+    def checked(v):
+        if not isinstance(v, dict):
+            raise ValueError
+        return {str(k): check(x) for k, x in v.items()}
+
+    return checked
 
 
 def _masses(v):
     if isinstance(v, list):
         return _list_of(_positive)(v)
-    if isinstance(v, dict) and v:
-        return {str(k): _positive(m) for k, m in v.items()}
-    raise ValueError
+    if not v:
+        raise ValueError
+    return _table_of(_positive)(v)
 
 
 def _tolerance(v):
@@ -499,7 +502,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _either(_list_of(_string), lambda v: [_string(v)]), 'a list of quantities, e.g. ["stress", "density"]'
         ),
         "column_units": Key(
-            _words,
+            _table_of(_string),
             'the units of columns of the dump, e.g. { c_pe = "eV" }: for quantities such as column:c_pe',
         ),
         "tolerance": Key(_tolerance, "the error allowed relative to the field's maximum, e.g. 1e-5"),
