@@ -290,6 +290,11 @@ class Frame:
         """3, or 2 for a frame of a two-dimensional run (see `atc.planar`)."""
         return self.units.dimension
 
+    @property
+    def held(self) -> Held | None:
+        """What the file of its topology says of constraints; None: nothing."""
+        return None if self.topology is None else self.topology.held
+
     def replace(self, **changes) -> Frame:
         """A copy with some attributes changed (the arrays not named are shared)."""
         return replace(self, **changes)

@@ -87,7 +87,7 @@ def check(
         # Stencils and differences of energies see what fields may leave out.
         pot = converged(pot, law.FIELD_TOLERANCE)
     free = pot
-    if pot.constraints is not None or (frame.topology is not None and frame.topology.held is not None):
+    if pot.constraints is not None or frame.held is not None:
         pot = pot.settled(frame)
         free = pot if pot.constraints is None else pot.constrained(None)
     if not len(frame):

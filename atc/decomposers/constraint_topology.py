@@ -41,8 +41,7 @@ def held_by_topology(pot, frame: Frame):
     What a script, a scene or a System says wins, and an AtcWarning says where it differs. `Constraints` without rules
     are what those of the file are found from. Raises AtcError where these are asked for and cannot be read.
     """
-    held = None if frame.topology is None else frame.topology.held
-    mine = pot.constraints
+    held, mine = frame.held, pot.constraints
     if pot.unheld or (mine is not None and any(isinstance(r, TopologyConstraints) for r in mine.rules)):
         return pot
     if held is not None and held.unknown:
@@ -95,10 +94,9 @@ def _constraints(held: Held) -> Constraints:
 def said_of_degrees(pot, frame: Frame) -> dict:
     """For an output of temperatures without forces: which constraints of a topology take degrees of freedom."""
     if pot is None:
-        held = frame.topology and frame.topology.held
-        if not held or degrees_of_topology(frame) is None:
+        if frame.held is None or degrees_of_topology(frame) is None:
             return {}
-        said = _constraints(held)
+        said = _constraints(frame.held)
     else:
         said = pot.constraints
     if said is None or not any(isinstance(r, TopologyConstraints) for r in said.rules):
@@ -108,7 +106,7 @@ def said_of_degrees(pot, frame: Frame) -> dict:
 
 def degrees_of_topology(frame: Frame) -> np.ndarray | None:
     """(n,) degrees of freedom of atoms where no potential says any constraints; None: those of free atoms."""
-    held = None if frame.topology is None else frame.topology.held
+    held = frame.held
     if held is None or not len(held.pairs_c2) or frame.masses is None:
         return None
     return _constraints(held).degrees(frame)
