@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from ..compiled import specialise
+from ..compiled import njit, specialise
 from ..errors import AtcError
 from ..kernels.binned import profile_of
 from ..simd import JIT, address, peek
@@ -119,6 +119,22 @@ def _sorted(x, s, periodic, vectors, bins, low, scale):
     return x[order], order, np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=many))])
 
 
+@njit(**JIT, no_cpython_wrapper=True)
+def _bins_reached(p0, p1, p2, support, bins, cell):
+    """The first and the last bin within the support of a point, along each axis."""
+    (n0, n1, n2), low, scale = bins
+    _, inverse, per_height, periodic = cell
+    (i00, i01, i02), (i10, i11, i12), (i20, i21, i22) = inverse
+    s0 = (p0 * i00 + p1 * i10 + p2 * i20 - low[0]) * scale[0]
+    s1 = (p0 * i01 + p1 * i11 + p2 * i21 - low[1]) * scale[1]
+    s2 = (p0 * i02 + p1 * i12 + p2 * i22 - low[2]) * scale[2]
+    return (
+        reached(s0, support * per_height[0] * scale[0] + 1e-9, n0, periodic[0]),
+        reached(s1, support * per_height[1] * scale[1] + 1e-9, n1, periodic[1]),
+        reached(s2, support * per_height[2] * scale[2] + 1e-9, n2, periodic[2]),
+    )
+
+
 def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, values, gradients):
     """Points and atoms relative to the cell's origin, atoms sorted by bin."""
     support = radii[0]
@@ -128,18 +144,11 @@ def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, values, gra
     gradient = len(gradients) > 0
     g = np.zeros(3)
     d = np.zeros(3)
-    (n0, n1, n2), low, scale = bins
-    vectors, inverse, per_height, periodic = cell
-    (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = vectors
-    (i00, i01, i02), (i10, i11, i12), (i20, i21, i22) = inverse
+    (n0, n1, n2), _, _ = bins
+    (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = cell[0]
     for p in range(len(points)):
         p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
-        s0 = (p0 * i00 + p1 * i10 + p2 * i20 - low[0]) * scale[0]
-        s1 = (p0 * i01 + p1 * i11 + p2 * i21 - low[1]) * scale[1]
-        s2 = (p0 * i02 + p1 * i12 + p2 * i22 - low[2]) * scale[2]
-        lo0, hi0 = reached(s0, support * per_height[0] * scale[0] + 1e-9, n0, periodic[0])
-        lo1, hi1 = reached(s1, support * per_height[1] * scale[1] + 1e-9, n1, periodic[1])
-        lo2, hi2 = reached(s2, support * per_height[2] * scale[2] + 1e-9, n2, periodic[2])
+        (lo0, hi0), (lo1, hi1), (lo2, hi2) = _bins_reached(p0, p1, p2, support, bins, cell)
         for c0 in range(lo0, hi0 + 1):
             m0 = c0 // n0
             for c1 in range(lo1, hi1 + 1):
@@ -177,22 +186,15 @@ def _gather_squares(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, val
     support2 = support * support
     k = a_nk.shape[1]
     g = np.zeros(3)
-    (n0, n1, n2), low, scale = bins
-    vectors, inverse, per_height, periodic = cell
-    (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = vectors
-    (i00, i01, i02), (i10, i11, i12), (i20, i21, i22) = inverse
+    (n0, n1, n2), _, _ = bins
+    (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = cell[0]
     x_at = address(x_nc)
     phi_n = np.zeros(len(x_nc))
     seen = np.zeros(len(x_nc), np.int64)
     for p in range(len(points)):
         count = 0
         p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]
-        s0 = (p0 * i00 + p1 * i10 + p2 * i20 - low[0]) * scale[0]
-        s1 = (p0 * i01 + p1 * i11 + p2 * i21 - low[1]) * scale[1]
-        s2 = (p0 * i02 + p1 * i12 + p2 * i22 - low[2]) * scale[2]
-        lo0, hi0 = reached(s0, support * per_height[0] * scale[0] + 1e-9, n0, periodic[0])
-        lo1, hi1 = reached(s1, support * per_height[1] * scale[1] + 1e-9, n1, periodic[1])
-        lo2, hi2 = reached(s2, support * per_height[2] * scale[2] + 1e-9, n2, periodic[2])
+        (lo0, hi0), (lo1, hi1), (lo2, hi2) = _bins_reached(p0, p1, p2, support, bins, cell)
         for c0 in range(lo0, hi0 + 1):
             m0 = c0 // n0
             for c1 in range(lo1, hi1 + 1):
