@@ -12,11 +12,11 @@ __version__ = "0.9.0"
 
 _LAZY = {
     "read": "atc.readers",
-    "read_grid": "atc.readers.lammps_grid",
+    "read_grid": "atc.readers.lammps.grid",
     "potential": "atc.decomposers",
-    "nep": "atc.decomposers.nep",
+    "nep": "atc.decomposers.many_body.nep",
     "calculator": "atc.analysis.calculator",
-    "kim": "atc.decomposers.kim",
+    "kim": "atc.decomposers.many_body.kim",
     "edge_model": "atc.decomposers.learned.edge_model",
     "mace": "atc.decomposers.learned.mace",
     "nequip": "atc.decomposers.learned.nequip",

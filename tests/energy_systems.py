@@ -11,7 +11,7 @@ import numpy as np
 from frames import argon
 
 import atc
-from atc.decomposers.cluster import ClusterTerm, weights_of
+from atc.decomposers.bonded.cluster import ClusterTerm, weights_of
 from atc.frame import Cell, Frame, Topology
 from atc.units import units
 

@@ -6,8 +6,8 @@ import pytest
 
 import atc
 from atc import pd
-from atc.decomposers.pair_loop import pair_law
-from atc.decomposers.radial import RadialStyle, mix_lj_distances, one_cutoff
+from atc.decomposers.pairs.loop import pair_law
+from atc.decomposers.pairs.radial import RadialStyle, mix_lj_distances, one_cutoff
 from atc.decomposers.registry import PAIR_STYLES
 from atc.errors import AtcError
 from atc.frame import Cell, Frame

@@ -15,10 +15,10 @@ from math import ceil, floor, log, log2
 
 import numpy as np
 
-from ..decomposers.coulomb_long import CoulombLong
+from ..decomposers.constraints.virtual_sites import only_atoms
 from ..decomposers.long_range.kspace import coulomb_of
-from ..decomposers.pair import Pairs
-from ..decomposers.virtual_sites import only_atoms
+from ..decomposers.pairs.coulomb_long import CoulombLong
+from ..decomposers.pairs.pairs import Pairs
 
 #: Largest error of Abramowitz & Stegun's polynomial.
 POLYNOMIAL = 1.5e-7

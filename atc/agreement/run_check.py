@@ -140,7 +140,7 @@ def read_log(log, units):
     """A `LammpsLog` from a path, a list of paths or None."""
     if log is None or hasattr(log, "rows"):
         return log
-    from ..readers.lammps_log import LammpsLog
+    from ..readers.lammps.log import LammpsLog
 
     found = LammpsLog(log, units)
     if found.units.reduced != units.reduced:

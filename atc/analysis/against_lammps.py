@@ -69,7 +69,7 @@ def compare_with_lammps(ds, file, columns=None, *, frame=None, units=None) -> Ag
     import xarray as xr
 
     from ..pictures.geometry import points_of_grid
-    from ..readers.lammps_grid import read_grid
+    from ..readers.lammps.grid import read_grid
     from ..running.output import load
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)

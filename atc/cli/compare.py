@@ -67,7 +67,7 @@ def compare(
     from ..analysis.against_lammps import compare_with_lammps
     from ..analysis.compare import compare as compare_output
     from ..analysis.compare import compare_radii, side_by_side
-    from ..readers.lammps_grid import is_grid
+    from ..readers.lammps.grid import is_grid
 
     if json and csv:
         raise AtcError("give --json or --csv, not both")

@@ -506,7 +506,7 @@ class Scene(Document):
         table = dict(self.data.get("constraints", {}))
         if not table:
             return pot
-        from ..decomposers.constraint_scene import constrained
+        from ..decomposers.constraints.scene import constrained
         from ..units import units
 
         if isinstance(table.get("pairs"), str):

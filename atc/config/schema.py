@@ -172,7 +172,7 @@ def _tolerance(v):
 
 def _atom_style(v):
     from ..errors import AtcError
-    from ..readers.lammps_atom_styles import AtomStyle
+    from ..readers.lammps.atom_styles import AtomStyle
 
     try:
         return AtomStyle(_string(v), "").given
@@ -204,7 +204,7 @@ def _force_modes():
 
 
 def _constraint_sources():
-    from ..decomposers.constraints import SOURCES
+    from ..decomposers.constraints.held import SOURCES
 
     return list(SOURCES)
 

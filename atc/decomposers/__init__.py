@@ -9,92 +9,92 @@ from importlib import import_module
 
 #: Files that register LAMMPS styles when they are imported, and what of them is public.
 _STYLES = {
-    "lennard_jones": "LennardJones LennardJonesSmoothLinear LennardJonesQuadratic LennardJonesExpand",
-    "morse": "Morse MorseSmoothLinear Pedone MOMB",
-    "buckingham": "Buckingham Born",
-    "yukawa": "Yukawa",
-    "soft": "Soft",
-    "table": "Table",
-    "coulomb": "CoulombCut CoulombDSF CoulombWolf",
-    "zbl": "ZBL",
-    "zero": "",
-    "inverse_powers": "Mie NM LennardJones96 Class2 Spica",
-    "mdf": "LennardJonesMDF LennardMDF BuckinghamMDF",
-    "gromacs": "LennardJonesGromacs CoulombGromacs",
-    "charmm": "LennardJonesCharmm LennardJonesCharmmFSW CoulombCharmm CoulombCharmmImplicit CoulombCharmmFSH",
-    "lj_smooth": "LennardJonesSmooth LennardJonesCubic RelativeResolution",
-    "gauss": "Gauss GaussCut BornGauss UhlenbeckFord",
-    "beck": "Beck",
-    "pirani": "Pirani",
-    "finite_range": "WangFrenkel CosineSquared HarmonicCut DPD",
-    "colloid": "Colloid",
-    "screened_coulomb": "CoulombDebye CoulombSlater CoulombDiel",
-    "soft_core": "LennardJonesSoft Class2Soft CoulombSoft MorseSoft",
-    "with_coulomb": "",
-    "coulomb_long": "CoulombLong",
-    "tip4p": "TIP4P",
+    "pairs.lennard_jones": "LennardJones LennardJonesSmoothLinear LennardJonesQuadratic LennardJonesExpand",
+    "pairs.morse": "Morse MorseSmoothLinear Pedone MOMB",
+    "pairs.buckingham": "Buckingham Born",
+    "pairs.yukawa": "Yukawa",
+    "pairs.soft": "Soft",
+    "pairs.table": "Table",
+    "pairs.coulomb": "CoulombCut CoulombDSF CoulombWolf",
+    "pairs.zbl": "ZBL",
+    "pairs.zero": "",
+    "pairs.inverse_powers": "Mie NM LennardJones96 Class2 Spica",
+    "pairs.mdf": "LennardJonesMDF LennardMDF BuckinghamMDF",
+    "pairs.gromacs": "LennardJonesGromacs CoulombGromacs",
+    "pairs.charmm": "LennardJonesCharmm LennardJonesCharmmFSW CoulombCharmm CoulombCharmmImplicit CoulombCharmmFSH",
+    "pairs.lj_smooth": "LennardJonesSmooth LennardJonesCubic RelativeResolution",
+    "pairs.gauss": "Gauss GaussCut BornGauss UhlenbeckFord",
+    "pairs.beck": "Beck",
+    "pairs.pirani": "Pirani",
+    "pairs.finite_range": "WangFrenkel CosineSquared HarmonicCut DPD",
+    "pairs.colloid": "Colloid",
+    "pairs.screened_coulomb": "CoulombDebye CoulombSlater CoulombDiel",
+    "pairs.soft_core": "LennardJonesSoft Class2Soft CoulombSoft MorseSoft",
+    "pairs.with_coulomb": "",
+    "pairs.coulomb_long": "CoulombLong",
+    "pairs.tip4p": "TIP4P",
     "lepton": "",
-    "pair_list": "ListedPairs",
-    "stillinger_weber": "StillingerWeber StillingerWeberMod",
-    "bond": "HarmonicBond MorseBond FeneBond FeneExpandBond TableBond ZeroBond",
-    "bond_curves": (
+    "pairs.listed": "ListedPairs",
+    "many_body.stillinger_weber": "StillingerWeber StillingerWeberMod",
+    "bonded.bond": "HarmonicBond MorseBond FeneBond FeneExpandBond TableBond ZeroBond",
+    "bonded.bond_curves": (
         "Class2Bond GromosBond NonlinearBond HarmonicShiftBond HarmonicShiftCutBond MM3Bond FeneNMBond GaussianBond"
     ),
-    "bond_pairwise": "QuarticBond SpecialBond",
-    "angle": "HarmonicAngle CosineAngle CosineSquaredAngle CosineDeltaAngle CharmmAngle TableAngle ZeroAngle",
-    "angle_curves": (
+    "bonded.bond_pairwise": "QuarticBond SpecialBond",
+    "bonded.angle": "HarmonicAngle CosineAngle CosineSquaredAngle CosineDeltaAngle CharmmAngle TableAngle ZeroAngle",
+    "bonded.angle_curves": (
         "QuarticAngle MM3Angle FourierAngle FourierSimpleAngle CosinePeriodicAngle RestrictedAngle "
         "WormLikeAngle CosineShiftAngle CosineShiftExpAngle GaussianAngle"
     ),
-    "angle_coupled": "Class2Angle Class2P6Angle CrossAngle",
-    "mesocnt": "MesoBond MesoAngle",
-    "dihedral": "HarmonicTorsion CharmmTorsion OPLSTorsion MultiHarmonicTorsion NHarmonicTorsion FourierTorsion",
-    "improper": "HarmonicImproper CvffImproper",
-    "improper_curves": (
+    "bonded.angle_coupled": "Class2Angle Class2P6Angle CrossAngle",
+    "bonded.mesocnt": "MesoBond MesoAngle",
+    "bonded.dihedral": "HarmonicTorsion CharmmTorsion OPLSTorsion MultiHarmonicTorsion NHarmonicTorsion FourierTorsion",
+    "bonded.improper": "HarmonicImproper CvffImproper",
+    "bonded.improper_curves": (
         "UmbrellaImproper FourierImproper InversionHarmonicImproper DistanceImproper DistHarmImproper "
         "SqDistHarmImproper RingImproper Class2Improper CosineSquaredImproper"
     ),
-    "dihedral_curves": "QuadraticTorsion HelixTorsion CosineShiftExpTorsion RestrictedTorsion",
-    "dihedral_coupled": "Class2Torsion SphericalTorsion",
-    "dihedral_table": "TableTorsion TableCutTorsion read_torsion_section",
-    "bonded_lepton": "LeptonBond LeptonAngle LeptonTorsion",
-    "angle_spica": "SpicaAngle",
-    "embedded_atom": "EmbeddedAtom",
-    "tersoff": "Tersoff",
-    "tersoff_variants": (
+    "bonded.dihedral_curves": "QuadraticTorsion HelixTorsion CosineShiftExpTorsion RestrictedTorsion",
+    "bonded.dihedral_coupled": "Class2Torsion SphericalTorsion",
+    "bonded.dihedral_table": "TableTorsion TableCutTorsion read_torsion_section",
+    "bonded.lepton": "LeptonBond LeptonAngle LeptonTorsion",
+    "bonded.angle_spica": "SpicaAngle",
+    "many_body.embedded_atom": "EmbeddedAtom",
+    "many_body.tersoff": "Tersoff",
+    "many_body.tersoff_variants": (
         "TersoffMod TersoffModC TersoffModEntry TersoffModCEntry TersoffZBL TersoffZBLEntry GaoWeber GaoWeberZBL"
     ),
-    "three_body": "Vashishta VashishtaEntry HarmonicTriplets ScreenedTriplets",
-    "angular_dependent": "AngularDependent",
-    "edip": "EDIP EDIPEntry",
-    "meam": "MEAM",
-    "embedded_ion": "EmbeddedIon",
-    "spline_meam": "SplineMEAM",
-    "local_density": "LocalDensity",
-    "concentration_eam": "ConcentrationEAM",
-    "polymorphic": "Polymorphic",
-    "axilrod_teller": "AxilrodTeller",
-    "spin_exchange": "SpinExchange",
-    "electron_force_field": "ElectronForceField",
-    "snap": "SNAP",
-    "nep": "NEP",
+    "many_body.three_body": "Vashishta VashishtaEntry HarmonicTriplets ScreenedTriplets",
+    "many_body.angular_dependent": "AngularDependent",
+    "many_body.edip": "EDIP EDIPEntry",
+    "many_body.meam": "MEAM",
+    "many_body.embedded_ion": "EmbeddedIon",
+    "many_body.spline_meam": "SplineMEAM",
+    "many_body.local_density": "LocalDensity",
+    "many_body.concentration_eam": "ConcentrationEAM",
+    "many_body.polymorphic": "Polymorphic",
+    "many_body.axilrod_teller": "AxilrodTeller",
+    "pairs.spin_exchange": "SpinExchange",
+    "pairs.electron_force_field": "ElectronForceField",
+    "many_body.snap": "SNAP",
+    "many_body.nep": "NEP",
 }
 #: Likewise what stands elsewhere.
 _OTHERS = {
     "base": "Potential Decomposition Term",
-    "pair": "Pairs PairStyle",
+    "pairs.pairs": "Pairs PairStyle",
     "long_range.ewald": "LongRangeCoulomb",
-    "generic": "Generic",
-    "special_bonds": "SpecialBonds",
-    "sw_file": "SWEntry",
-    "bonded": "HybridTerm",
-    "bonded_table": "read_tables",
-    "eam_file": "EAMTables",
-    "tersoff_file": "TersoffEntry",
-    "many_body": "ManyBody",
-    "constraints": "Constraints",
-    "virtual_sites": "VirtualSites",
-    "constraint_rules": "AllBonds HeldPairs HydrogenBonds RigidMolecules Shake",
+    "pairs.generic": "Generic",
+    "pairs.special_bonds": "SpecialBonds",
+    "many_body.stillinger_weber_file": "SWEntry",
+    "bonded.topology": "HybridTerm",
+    "bonded.table": "read_tables",
+    "many_body.eam_file": "EAMTables",
+    "many_body.tersoff_file": "TersoffEntry",
+    "many_body.of_distances": "ManyBody",
+    "constraints.held": "Constraints",
+    "constraints.virtual_sites": "VirtualSites",
+    "constraints.rules": "AllBonds HeldPairs HydrogenBonds RigidMolecules Shake",
 }
 _WHERE = {name: module for module, names in (_STYLES | _OTHERS).items() for name in names.split()}
 
@@ -177,7 +177,7 @@ def potential(
 
     from ..errors import AtcError
     from .base import Potential, Term
-    from .pair import Pairs, PairStyle
+    from .pairs.pairs import Pairs, PairStyle
 
     if partition is not None or alpha is not None:
         pot = potential(
@@ -244,7 +244,7 @@ def potential(
     for u in known.values():
         require_compatible(get_units(units), u, "the potential", "one of its parts")
     if styles:
-        from .special_bonds import SpecialBonds
+        from .pairs.special_bonds import SpecialBonds
 
         special = SpecialBonds.from_lines([(special_bonds.split(), "special_bonds")] if special_bonds else [])
         terms.insert(0, Pairs(styles, min(s.n_types for s in styles), special))

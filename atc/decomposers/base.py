@@ -19,7 +19,7 @@ from ..frame import Frame
 from ..neighbors.cell_list import Workspace
 from ..planar import planar
 from ..units import Units, require_compatible, units
-from .virtual_sites import FrameWithSites, atoms_of, only_atoms
+from .constraints.virtual_sites import FrameWithSites, atoms_of, only_atoms
 
 #: Words for sharing the energy of a whole potential; see `Potential.partitioned`.
 PARTITIONS = ("equal", "center")
@@ -338,7 +338,7 @@ class Potential(Interactions):
     def held_by_topology(self, frame: Frame) -> Potential:
         """The same potential with the constraints that a frame's topology says (GROMACS's .tpr), where nothing else
         says any; see `constraint_topology`."""
-        from .constraint_topology import held_by_topology
+        from .constraints.topology import held_by_topology
 
         return held_by_topology(self, frame)
 

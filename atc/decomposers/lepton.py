@@ -12,10 +12,10 @@ import numpy as np
 from scipy import special
 
 from ..units import Units
-from .pair import PairStyle
-from .pair_input import fill
+from .pairs.input import fill
+from .pairs.pairs import PairStyle
+from .pairs.zbl import universal_screening
 from .registry import StyleInput, pair_style
-from .zbl import universal_screening
 
 _LONGEST = 4000
 _DEEPEST = 120

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Frame
-from .constraint_rules import Group
+from .constraints.rules import Group
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from ..readers.lammps_sections import shortened
+from ..readers.lammps.sections import shortened
 from ..units import Units
 
 PAIR_STYLES: dict[str, Callable] = {}
@@ -279,6 +279,6 @@ def supported(kind: str) -> str:
 
 def refusal(kind: str, name: str) -> str:
     """What to tell of a style that is not supported: why, if that is known, or which ones are."""
-    from .unsupported import reason
+    from .pairs.unsupported import reason
 
     return f"{kind}_style {name} is not supported: {reason(kind, name) or f'expected one of {supported(kind)}'}"

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..compiled import njit
-from ..decomposers.virtual_sites import seen_by
+from ..decomposers.constraints.virtual_sites import seen_by
 from ..errors import AtcError
 from .sources import drift_velocity
 from .tensors import full, outer6, quotient

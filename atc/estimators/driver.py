@@ -12,7 +12,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..decomposers.virtual_sites import atoms_of
+from ..decomposers.constraints.virtual_sites import atoms_of
 from ..grids.curved import in_local_axes
 from ..grids.planes import through_planes
 from . import passes, planes, tiles

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..decomposers.constraints.virtual_sites import seen_by
 from ..decomposers.long_range.stress import SINGLE
-from ..decomposers.virtual_sites import seen_by
 from ..errors import AtcError
 from .passes import has_size
 from .registry import BOND

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..decomposers.virtual_sites import only_atoms
+from ..decomposers.constraints.virtual_sites import only_atoms
 from ..frame import Cell
 from .accuracy.random_points import Check, checking_kernel
 from .deposits import Deposits

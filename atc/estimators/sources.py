@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..decomposers.virtual_sites import atoms_of
+from ..decomposers.constraints.virtual_sites import atoms_of
 from ..errors import AtcError
 from . import columns
 from .tensors import outer6
@@ -94,7 +94,7 @@ class AtomFactors:
 
     def _degrees(self):
         if self.pot is None:
-            from ..decomposers.constraint_topology import degrees_of_topology
+            from ..decomposers.constraints.topology import degrees_of_topology
 
             free = degrees_of_topology(self.atoms)
             return self._one() if free is None else free[:, None] / self.frame.dimension

@@ -21,7 +21,7 @@ import numpy as np
 from ..compiled import njit
 from ..decomposers.atom_columns import NAMES
 from ..decomposers.images import Images
-from ..decomposers.special_bonds import SpecialBonds, special_hints
+from ..decomposers.pairs.special_bonds import SpecialBonds, special_hints
 from ..errors import AtcError
 from ..frame import Cell, Frame, Topology
 

@@ -337,7 +337,7 @@ class Job:
         are in the first frame) and from outside."""
         pot, work = self.request.pot, self.work
         if pot is None or (not work.force_users and (not work.bond_users or pot.constraints is None)):
-            from ..decomposers.constraint_topology import said_of_degrees
+            from ..decomposers.constraints.topology import said_of_degrees
 
             return said_of_degrees(pot, self.first) if "degrees" in work.site else {}
         d = pot.stream(self.first, None, threads=self.threads, forces=bool(work.force_users))

@@ -100,7 +100,7 @@ def _read(source, topology=None, units=None, masses=None, atom_style=None, boxed
     from ..frame import Frame
 
     if atom_style is not None:
-        from .lammps_atom_styles import AtomStyle, StyledFile
+        from .lammps.atom_styles import AtomStyle, StyledFile
 
         AtomStyle(atom_style, "atom_style")
         if isinstance(topology, (str, os.PathLike)) and not isinstance(topology, StyledFile):
@@ -202,33 +202,33 @@ def _path(path: Path, topology, units, masses, atom_style=None, boxed=False):
     if what is not None:
         raise AtcError(f"{path} is {what}")
     if head.lstrip().startswith(b"ITEM:"):
-        from .lammps_dump import LammpsDump
+        from .lammps.dump import LammpsDump
 
         return LammpsDump(path, topology, units, masses)
-    from .lammps_yaml import LammpsYamlDump, looks_like_yaml_dump
+    from .lammps.yaml import LammpsYamlDump, looks_like_yaml_dump
 
     if looks_like_yaml_dump(head):
         return LammpsYamlDump(path, topology, units, masses)
     suffixes = [s.lower() for s in path.suffixes]
-    from .lammps_binary import looks_binary
+    from .lammps.binary import looks_binary
 
     if looks_binary(head, ".bin" in suffixes[-2:]):
-        from .lammps_binary import LammpsBinaryDump
+        from .lammps.binary import LammpsBinaryDump
 
         return LammpsBinaryDump(path, topology, units, masses)
-    from .lammps_dcd import LammpsDcd, written_by_lammps
+    from .lammps.dcd import LammpsDcd, written_by_lammps
 
     if written_by_lammps(head):
         return LammpsDcd(path, topology, units, masses)
-    from .lammps_data import LammpsDataTrajectory, looks_like_data
+    from .lammps.data import LammpsDataTrajectory, looks_like_data
 
     if looks_like_data(head):
         return LammpsDataTrajectory(path, topology, units, masses, atom_style)
-    from .lammps_cfg import LammpsCfg, looks_like_lammps_cfg
+    from .lammps.cfg import LammpsCfg, looks_like_lammps_cfg
 
     if looks_like_lammps_cfg(head):
         return LammpsCfg(path, topology, units, masses)
-    from .lammps_netcdf import LammpsNetcdf, netcdf_by_lammps
+    from .lammps.netcdf import LammpsNetcdf, netcdf_by_lammps
 
     if netcdf_by_lammps(path, head):
         return LammpsNetcdf(path, topology, units, masses)

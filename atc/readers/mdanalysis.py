@@ -216,7 +216,7 @@ class MDAnalysisTrajectory(Trajectory):
 
     def _rest_of_dcd(self) -> bool:
         """Whether a DCD goes on behind its last whole frame: MDAnalysis says nothing of it."""
-        from .lammps_dcd import rest_behind_frames
+        from .lammps.dcd import rest_behind_frames
 
         reader = self._atoms.universe.trajectory
         name = getattr(reader, "filename", None)
@@ -296,7 +296,7 @@ def is_stream(reader) -> bool:
 def _not_of_lammps(file, by_path: bool) -> None:
     """A DCD of LAMMPS in a Universe has its lengths and times in the units of the run, which MDAnalysis takes for Å and
     CHARMM's."""
-    from .lammps_dcd import written_by_lammps
+    from .lammps.dcd import written_by_lammps
 
     if not isinstance(file, (str, os.PathLike)) or by_path:
         return
@@ -340,7 +340,7 @@ def _universe_of_data(path, units):
     from MDAnalysis.core import topologyattrs
 
     from ._bytes import open_bytes, require_file
-    from .lammps_data import LammpsDataTrajectory, looks_like_data
+    from .lammps.data import LammpsDataTrajectory, looks_like_data
 
     require_file(path)
     reader = open_bytes(path)

@@ -14,8 +14,8 @@ from ..frame import Cell
 from ..units import LAMMPS_STYLES
 from . import _parse
 from ._bytes import open_bytes
-from .lammps_columns import INT_COLUMNS, KNOWN_FLOATS, LammpsTrajectory
-from .lammps_dump import whole
+from .lammps.columns import INT_COLUMNS, KNOWN_FLOATS, LammpsTrajectory
+from .lammps.dump import whole
 from .sniff import shown
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
 from .trajectory import decimal_resolution, text_resolution_of_frames, warn

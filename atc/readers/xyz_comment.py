@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import units as unit_system
-from .lammps_dump import number, whole
+from .lammps.dump import number, whole
 
 _PAIR = re.compile(
     r"""([A-Za-z_][\w.-]*)\s*=\s*("(?:[^"\\]|\\.)*"|'[^']*'|\{[^}]*\}|\[(?:[^\[\]]|\[[^\[\]]*\])*\]|[^\s"'{\[]\S*)"""

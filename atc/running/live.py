@@ -417,7 +417,7 @@ class Live:
         LAMMPS runs ``every`` steps at a time (``run ... pre no post no``, with start and stop of the whole), which does
         not change its trajectory; its thermo output comes in pieces.
         """
-        from ..readers.lammps_live import LammpsState
+        from ..readers.lammps.live import LammpsState
 
         for name, value in (("steps", steps), ("every", every)):
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
@@ -451,7 +451,7 @@ class Live:
         that rescale velocities at the end of a step (nvt, npt) would change them once more, by (their rate) Δt/4: `run`
         has them exactly. What goes wrong within is raised by `result`.
         """
-        from ..readers.lammps_live import LammpsState
+        from ..readers.lammps.live import LammpsState
 
         if isinstance(every, bool) or not isinstance(every, (int, np.integer)) or every < 1:
             raise AtcError(f"every {every!r}: expected a whole number of steps, 1 or more")

@@ -194,7 +194,7 @@ def _pair_terms(model):
     """The pair terms of a potential that is nothing but pair terms, or None."""
     if not hasattr(model, "terms") or not model.terms:
         return None
-    from ..decomposers.pair import Pairs
+    from ..decomposers.pairs.pairs import Pairs
 
     return model.terms if all(isinstance(t, Pairs) for t in model.terms) else None
 

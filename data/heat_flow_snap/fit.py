@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import atc
-from atc.decomposers.snap import SNAP
-from atc.decomposers.snap_file import read_snap
+from atc.decomposers.many_body.snap import SNAP
+from atc.decomposers.many_body.snap_file import read_snap
 from atc.frame import Cell, Frame
 from atc.units import units
 

@@ -12,9 +12,9 @@ from test_decomposers_dihedral import chains
 
 import atc
 from atc.decomposers import registry
-from atc.decomposers.bonded import SECTIONS
-from atc.decomposers.hybrid import strip_suffix
-from atc.decomposers.unsupported_bonded import REASONS, reason
+from atc.decomposers.bonded.topology import SECTIONS
+from atc.decomposers.bonded.unsupported import REASONS, reason
+from atc.decomposers.pairs.hybrid import strip_suffix
 from atc.errors import AtcError
 
 KINDS = ("bond", "angle", "dihedral", "improper")

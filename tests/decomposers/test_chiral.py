@@ -7,7 +7,7 @@ import pytest
 import atc
 from atc.analysis.check import check
 from atc.decomposers import Constraints, HarmonicTorsion, HeldPairs, Potential
-from atc.decomposers.chiral import AcrossTorsion, CorrectionMaps, CosineLaw, torsion_angle
+from atc.decomposers.bonded.chiral import AcrossTorsion, CorrectionMaps, CosineLaw, torsion_angle
 from atc.decomposers.openmm.atoms import listed
 from atc.errors import AtcError
 from atc.frame import Cell, Frame

@@ -5,7 +5,7 @@ import pytest
 from energy_systems import lammps_potentials
 from lammps_oracle import lammps_session
 
-from atc.decomposers.cmap import check_fix_cmap, handedness, read_crossterms, read_maps
+from atc.decomposers.bonded.cmap import check_fix_cmap, handedness, read_crossterms, read_maps
 from atc.errors import AtcError
 
 

@@ -9,9 +9,9 @@ from lammps_runs import water
 import atc
 from atc.config.scene import Scene
 from atc.decomposers import AllBonds, Constraints, HeldPairs, HydrogenBonds, RigidMolecules, Shake
-from atc.decomposers.constraint_rules import hydrogen
-from atc.decomposers.constraint_solvers import System, molecules_of
-from atc.decomposers.rigid_bodies import bodies_of
+from atc.decomposers.constraints.rigid_bodies import bodies_of
+from atc.decomposers.constraints.rules import hydrogen
+from atc.decomposers.constraints.solvers import System, molecules_of
 from atc.errors import AtcError
 from atc.frame import Cell, Frame
 from atc.units import units

@@ -11,7 +11,7 @@ from MDAnalysisTests import datafiles as D
 import atc
 from atc.config.scene import Scene
 from atc.decomposers import Constraints, HeldPairs, RigidMolecules
-from atc.decomposers.constraint_topology import TopologyConstraints
+from atc.decomposers.constraints.topology import TopologyConstraints
 from atc.errors import AtcError, AtcWarning
 from atc.readers.gromacs_tpr import constraints_of
 

@@ -6,7 +6,7 @@ from decomposer_checks import agrees_with_lammps, consistent_bonds, potential, s
 from lammps_oracle import Config
 
 import atc
-from atc.decomposers.dihedral import (
+from atc.decomposers.bonded.dihedral import (
     COLLINEAR,
     FourierTorsion,
     HarmonicTorsion,
@@ -14,7 +14,7 @@ from atc.decomposers.dihedral import (
     NHarmonicTorsion,
     OPLSTorsion,
 )
-from atc.decomposers.improper import CvffImproper, HarmonicImproper
+from atc.decomposers.bonded.improper import CvffImproper, HarmonicImproper
 from atc.frame import Cell, Frame, Topology
 from atc.units import units
 

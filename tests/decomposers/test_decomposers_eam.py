@@ -7,7 +7,7 @@ from decomposer_checks import agrees_with_lammps, consistent_bonds, potential, s
 from lammps_oracle import Config, thermal_lattice
 
 import atc
-from atc.decomposers.embedded_atom import EmbeddedAtom, spline
+from atc.decomposers.many_body.embedded_atom import EmbeddedAtom, spline
 from atc.frame import Cell, Frame
 from atc.units import units
 

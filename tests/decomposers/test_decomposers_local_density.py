@@ -6,7 +6,7 @@ from decomposer_checks import agrees_with_lammps, potential, sources_are_derivat
 from many_body_systems import TILTS, crystal
 
 import atc
-from atc.decomposers.local_density import _indicator
+from atc.decomposers.many_body.local_density import _indicator
 from atc.frame import Cell, Frame
 from atc.units import units
 

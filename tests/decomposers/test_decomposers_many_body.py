@@ -12,8 +12,8 @@ from numba import njit
 
 import atc
 from atc.decomposers.autodiff import compiled
-from atc.decomposers.dihedral import OPLSTorsion
-from atc.decomposers.many_body import ManyBody
+from atc.decomposers.bonded.dihedral import OPLSTorsion
+from atc.decomposers.many_body.of_distances import ManyBody
 from atc.decomposers.recording import batch_source
 from atc.frame import Cell, Frame, Topology
 from atc.units import units

@@ -241,7 +241,7 @@ def test_table(tmp_path, monkeypatch, kind, style):
 def test_table_of_arrays_is_lammpss(tmp_path, monkeypatch):
     table_file(tmp_path / "one.table")
     monkeypatch.chdir(tmp_path)
-    from atc.decomposers.table import read_section
+    from atc.decomposers.pairs.table import read_section
 
     s = read_section(tmp_path / "one.table", "PAIR")
     pot = atc.potential(D.Table(s.r, s.e, s.f, cutoff=7.3, points=700, units="metal", n_types=3))

@@ -433,9 +433,9 @@ def test_what_is_not_understood(lines, says):
 
 
 def test_every_style_of_lammps_is_supported_or_has_a_reason():
-    from atc.decomposers.hybrid import strip_suffix
+    from atc.decomposers.pairs.hybrid import strip_suffix
+    from atc.decomposers.pairs.unsupported import reason
     from atc.decomposers.registry import PAIR_STYLES
-    from atc.decomposers.unsupported import reason
 
     with lammps_session() as lmp:
         names = {strip_suffix(name) for name in lmp.available_styles("pair")}

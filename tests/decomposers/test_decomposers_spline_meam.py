@@ -6,8 +6,8 @@ from decomposer_checks import agrees_with_lammps, potential, sources_are_derivat
 from many_body_systems import DIAMOND, FCC, POTENTIALS, TILTS, crystal, lines_of
 
 import atc
-from atc.decomposers.embedded_ion import EmbeddedIon, read_eim
-from atc.decomposers.spline_meam import Spline, _spline
+from atc.decomposers.many_body.embedded_ion import EmbeddedIon, read_eim
+from atc.decomposers.many_body.spline_meam import Spline, _spline
 
 CASES = [
     ("meam/spline", "Si_1.meam.spline", "Si", 5.43, DIAMOND),

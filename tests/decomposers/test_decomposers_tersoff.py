@@ -9,8 +9,8 @@ from decomposer_checks import agrees_with_lammps, consistent_bonds, potential, s
 from lammps_oracle import Config, run_lammps, thermal_lattice
 
 import atc
-from atc.decomposers.axilrod_teller import AxilrodTeller
-from atc.decomposers.tersoff import Tersoff
+from atc.decomposers.many_body.axilrod_teller import AxilrodTeller
+from atc.decomposers.many_body.tersoff import Tersoff
 from atc.frame import Cell, Frame
 from atc.units import units
 
@@ -120,7 +120,7 @@ def test_tersoff_walk_through_the_cutoff():
 def test_tersoff_limits_of_the_bond_order():
     """b(ζ) from 0 to huge, against mpmath."""
     mp = pytest.importorskip("mpmath")
-    from atc.decomposers.tersoff_kernels import TERSOFF, bond_order
+    from atc.decomposers.many_body.tersoff_kernels import TERSOFF, bond_order
 
     term = Tersoff.from_file(POTENTIALS / "SiC.tersoff", ["Si", "C"])
     for two in term.two.reshape(-1, 17):

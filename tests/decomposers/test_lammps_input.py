@@ -540,8 +540,8 @@ def test_every_command_of_lammps_is_known():
 
 
 def test_every_fix_of_lammps_has_a_class():
-    from atc.decomposers.hybrid import strip_suffix
     from atc.decomposers.lammps.fixes import FIXES
+    from atc.decomposers.pairs.hybrid import strip_suffix
 
     with lammps_session() as lmp:
         assert not {f for f in lmp.available_styles("fix") if strip_suffix(f) not in FIXES}

@@ -7,7 +7,7 @@ import atc
 from atc.analysis.check import check
 from atc.bonds import Bonds
 from atc.decomposers.base import Term, Work, Worst
-from atc.decomposers.neighborhood import Neighborhood
+from atc.decomposers.many_body.neighborhood import Neighborhood
 
 CUTOFF = 4.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from nep_oracle import CASES, KEPT, atoms, write
 
-from atc.decomposers.nep import nep
+from atc.decomposers.many_body.nep import nep
 from atc.errors import AtcError
 from atc.frame import Cell, Frame
 from atc.units import units
@@ -222,7 +222,7 @@ def test_energies_of_single_atoms(tmp_path):
 
 def test_stars_that_turn_are_refused(tmp_path, monkeypatch):
     """Gradients that are not those of an energy that only depends on the shape of a star."""
-    from atc.decomposers.nep import NEP
+    from atc.decomposers.many_body.nep import NEP
 
     pot, frame = made(tmp_path, "two")
     honest = NEP.centres

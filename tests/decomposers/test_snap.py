@@ -6,8 +6,8 @@ from energy_systems import lammps_potentials
 from lammps_oracle import Config, run_lammps
 
 import atc
-from atc.decomposers.snap_file import read_snap
-from atc.decomposers.snap_tables import clebsch_gordan, mirrored, offset, products, rows, triples
+from atc.decomposers.many_body.snap_file import read_snap
+from atc.decomposers.many_body.snap_tables import clebsch_gordan, mirrored, offset, products, rows, triples
 from atc.errors import AtcError
 from atc.units import units
 

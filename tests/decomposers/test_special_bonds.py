@@ -7,7 +7,7 @@ from lammps_oracle import Config, thermal_lattice
 from test_decomposers_pair import agree
 
 import atc
-from atc.decomposers.special_bonds import SpecialBonds
+from atc.decomposers.pairs.special_bonds import SpecialBonds
 from atc.errors import AtcError
 from atc.frame import Topology
 

@@ -9,8 +9,8 @@ from lammps_oracle import Config, lammps_session, run_lammps, voigt_to_tensor
 from lammps_runs import water
 
 import atc
+from atc.decomposers.constraints.virtual_sites import FrameWithSites, Places, VirtualSites
 from atc.decomposers.long_range.kspace import converged
-from atc.decomposers.virtual_sites import FrameWithSites, Places, VirtualSites
 from atc.errors import AtcError
 
 LJ = "pair_coeff * * 0.0 1.0\npair_coeff 1 1 0.155 3.166\n"

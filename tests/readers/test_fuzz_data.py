@@ -23,7 +23,7 @@ import atc
 from atc.decomposers.lammps.data_coeffs import data_file_commands
 from atc.errors import AtcError, AtcWarning
 from atc.frame import Cell, Frame
-from atc.readers.lammps_molecule import read_molecule
+from atc.readers.lammps.molecule import read_molecule
 from atc.units import units
 
 DATA = """LAMMPS data file, units = real

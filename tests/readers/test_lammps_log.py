@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from atc.cli import app
 from atc.errors import AtcError
-from atc.readers.lammps_log import LammpsLog
+from atc.readers.lammps.log import LammpsLog
 
 CUSTOM = "thermo_style custom step temp pe ke etotal press pxx pyy pzz pxy pxz pyz vol atoms\n"
 RUN = "thermo 5\nfix 1 all nve\ntimestep 1.0\nrun 10"

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 import atc
 from atc.errors import AtcError
-from atc.readers.lammps_atom_styles import ATOM_STYLES
-from atc.readers.lammps_data import LammpsData
+from atc.readers.lammps.atom_styles import ATOM_STYLES
+from atc.readers.lammps.data import LammpsData
 from atc.units import units
 
 HEAD = "title\n\n{n} atoms\n2 atom types\n{more}\n-1 9 xlo xhi\n-2 8 ylo yhi\n-3 7 zlo zhi\n\n"

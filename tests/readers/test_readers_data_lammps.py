@@ -10,9 +10,9 @@ from lammps_oracle import lammps_session
 import atc
 from atc.decomposers.lammps.data_coeffs import data_file_commands
 from atc.errors import AtcError, AtcWarning
-from atc.readers.lammps_atom_styles import ATOM_STYLES, AtomStyle
-from atc.readers.lammps_data import LammpsData
-from atc.readers.lammps_molecule import read_molecule
+from atc.readers.lammps.atom_styles import ATOM_STYLES, AtomStyle
+from atc.readers.lammps.data import LammpsData
+from atc.readers.lammps.molecule import read_molecule
 from atc.units import units
 
 HEAD = "t\n\n2 atoms\n2 atom types\n{more}0 9 xlo xhi\n0 9 ylo yhi\n-0.5 9 zlo zhi\n\n"

@@ -9,8 +9,8 @@ from lammps_oracle import lammps_session
 
 import atc
 from atc.errors import AtcError, AtcWarning
-from atc.readers.lammps_binary import LammpsBinaryDump
-from atc.readers.lammps_dump import LammpsDump
+from atc.readers.lammps.binary import LammpsBinaryDump
+from atc.readers.lammps.dump import LammpsDump
 from atc.units import units
 
 BOXES = {

@@ -14,9 +14,9 @@ from lammps_oracle import lammps_session
 
 import atc
 from atc.errors import AtcError, AtcWarning
-from atc.readers.lammps_cfg import LammpsCfg
-from atc.readers.lammps_dcd import LammpsDcd
-from atc.readers.lammps_yaml import LammpsYamlDump
+from atc.readers.lammps.cfg import LammpsCfg
+from atc.readers.lammps.dcd import LammpsDcd
+from atc.readers.lammps.yaml import LammpsYamlDump
 from atc.readers.xyz import ExtendedXyz
 from atc.units import units
 

@@ -10,7 +10,7 @@ from scipy.io import netcdf_file
 
 import atc
 from atc.errors import AtcError, AtcWarning
-from atc.readers.lammps_netcdf import LammpsNetcdf
+from atc.readers.lammps.netcdf import LammpsNetcdf
 from atc.units import units
 
 # Version 5 ("64-bit data"), which LAMMPS writes and SciPy does not know: written by netCDF4 1.7 (metal; ids 3 1 2; time

@@ -22,7 +22,7 @@ from frames import argon
 
 import atc
 from atc.decomposers import HarmonicAngle, HybridTerm, LennardJones, StillingerWeber, Term
-from atc.decomposers.stillinger_weber_kernels import sw_merge
+from atc.decomposers.many_body.stillinger_weber_kernels import sw_merge
 from atc.frame import Cell
 from atc.units import units
 

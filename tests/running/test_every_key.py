@@ -292,7 +292,7 @@ def test_a_changed_key_is_noticed(folder, key):
 @pytest.mark.parametrize("key", OF_MOLECULES)
 def test_a_changed_key_of_molecules_is_noticed(key):
     import atc
-    from atc.decomposers.constraint_scene import constrained
+    from atc.decomposers.constraints.scene import constrained
     from atc.planning.identity import digest
     from atc.units import units
 

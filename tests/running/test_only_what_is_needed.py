@@ -6,9 +6,9 @@ from test_run import Stop, same, stop_after
 
 import atc
 import atc.analysis.green_kubo
-import atc.decomposers.neighbor_work as triplet_module
+import atc.decomposers.many_body.neighbor_work as triplet_module
 import atc.deposit
-from atc.decomposers.neighborhood import Neighborhood
+from atc.decomposers.many_body.neighborhood import Neighborhood
 from atc.estimators.sources import AtomFactors
 from atc.frame import Cell
 from atc.neighbors import cell_list as neighbors

@@ -3,8 +3,8 @@ the ``fix rigid`` family say."""
 
 from __future__ import annotations
 
-from ..constraint_rules import SAME_MASS, Group, RigidMolecules, Shake
-from ..constraints import Constraints
+from ..constraints.held import Constraints
+from ..constraints.rules import SAME_MASS, Group, RigidMolecules, Shake
 from .fixes import classify
 from .script import Command
 

@@ -13,10 +13,14 @@ import numpy as np
 from ...errors import AtcError
 from ...units import LAMMPS_STYLES, Units, units
 from ..base import Potential, Term, Wrapper
-from ..exclusions import Exclusions, exclusions_of
-from ..hybrid import Hybrid, parse_hybrid, strip_suffix
+from ..constraints.virtual_sites import VirtualSites
 from ..outside import OutsideForces
-from ..pair import MAX_TYPES, Pairs, PairStyle
+from ..pairs.exclusions import Exclusions, exclusions_of
+from ..pairs.hybrid import Hybrid, parse_hybrid, strip_suffix
+from ..pairs.pairs import MAX_TYPES, Pairs, PairStyle
+from ..pairs.special_bonds import SpecialBonds
+from ..pairs.tip4p import TIP4P, SitePairs, rest
+from ..pairs.zero import Nothing
 from ..registry import (
     MAPPED_STYLES,
     STYLES,
@@ -28,10 +32,6 @@ from ..registry import (
     refusal,
     supported,
 )
-from ..special_bonds import SpecialBonds
-from ..tip4p import TIP4P, SitePairs, rest
-from ..virtual_sites import VirtualSites
-from ..zero import Nothing
 from .constraint_fixes import constraints_of, groups_of, needs_molecules
 from .data_coeffs import take_data_file
 from .interpreter import Interpreter, State
@@ -426,7 +426,7 @@ def apply_modify(modify: Modify, lines) -> Modify:
     """`modify` after the words of pair_modify lines."""
     from dataclasses import replace
 
-    from ..pair_input import MIX_RULES
+    from ..pairs.input import MIX_RULES
 
     for words, where in lines:
         k = 0
@@ -522,7 +522,7 @@ def _assemble(model: _Model, name: str) -> Potential:
             f"{name}: no interactions found: expected pair_style or bond_style lines with their coefficients"
         )
     if any("charmm" in t.describe() for t in terms):
-        from ..one_four import one_four_terms
+        from ..pairs.one_four import one_four_terms
 
         terms += one_four_terms(terms)
     pot = Potential(terms, model.units)
@@ -625,7 +625,7 @@ class _PairBuild:
                         "sub-style's pairs to types mapped to NULL"
                     )
             if sub.factor != 1.0:
-                from ..scaled import Scaled
+                from ..pairs.scaled import Scaled
 
                 if any(isinstance(b, Term) or b.water is not None for b in built):
                     raise AtcError(

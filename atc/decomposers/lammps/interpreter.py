@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ...errors import AtcError
 from ..atom_columns import named_columns
-from ..hybrid import strip_suffix
+from ..pairs.hybrid import strip_suffix
 from .commands import CLASSES, check_known
 from .conditions import holds
 from .fixes import classify

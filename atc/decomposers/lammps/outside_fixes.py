@@ -8,7 +8,7 @@ from math import cos, pi, sin
 import numpy as np
 
 from ...units import Units
-from ..constraint_rules import Group
+from ..constraints.rules import Group
 from ..outside import Along, Constant, Friction, Indenter, Law, OutsideForces, Put, Wall
 from .fixes import classify
 from .script import Command, short

@@ -183,7 +183,7 @@ def sort_fixes(choice: Choice, folder) -> tuple[tuple[str, ...], dict]:
 def _without_energy(c: Command, choice: Choice, folder) -> bool:
     """Whether a ``fix cmap`` has no crossterm with energy in the data files that the script reads. AtcError, with the
     reason, for one that has."""
-    from ..cmap import check_fix_cmap, read_crossterms
+    from ..bonded.cmap import check_fix_cmap, read_crossterms
 
     types = []
     for read in (r for r in choice.state.atoms if r.name == "read_data" and not r.unknown):

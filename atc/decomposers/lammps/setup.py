@@ -18,7 +18,7 @@ from ...errors import AtcError
 from ...frame import Cell, Topology
 from ...units import units
 from ..atom_columns import NAMES
-from ..constraint_rules import UNSURE
+from ..constraints.rules import UNSURE
 from .atom_commands import MOLECULAR, SECTIONS, boundary_words, set_keywords, touches
 from .atom_table import Origin, rows_of
 from .atoms import Atoms
@@ -113,7 +113,7 @@ class Setup:
     def _templates(self) -> list:
         """The molecules that ``atom_style template`` names, in their order; none if the script does not say them
         plainly."""
-        from ...readers.lammps_molecule import read_molecule
+        from ...readers.lammps.molecule import read_molecule
 
         at = self.atom_style.index("template") + 1 if "template" in self.atom_style else len(self.atom_style)
         named = [c for c in self.commands if c.name == "molecule" and c.words[:1] == self.atom_style[at : at + 1]]
@@ -130,7 +130,7 @@ class Setup:
         if path not in self._files:
             if not os.path.isfile(path):
                 return None
-            from ...readers.lammps_data import LammpsData
+            from ...readers.lammps.data import LammpsData
 
             try:
                 data = LammpsData(path, " ".join(self.atom_style) or None)

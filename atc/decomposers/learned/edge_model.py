@@ -17,8 +17,8 @@ from ...errors import AtcError, AtcWarning
 from ...frame import Frame
 from ...units import units as get_units
 from ..base import Accumulator, Potential, Term, Work
-from ..elements import ElementMap
-from ..neighborhood import Neighborhood
+from ..many_body.elements import ElementMap
+from ..many_body.neighborhood import Neighborhood
 from .graph import Edges, Part, Place
 from .guards import COMPARE_EVERY, GUARD, against_own, identity, symmetric
 

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 from ...errors import AtcError
-from ..elements import SYMBOLS
+from ..many_body.elements import SYMBOLS
 from .edge_model import EdgeModel, _device, _torch
 from .loading import eager, file_of, is_torchscript, own_copy, potential_of, said_besides, unpickled
 

@@ -6,7 +6,7 @@ import math
 import warnings
 
 from ...errors import AtcError
-from ..elements import SYMBOLS
+from ..many_body.elements import SYMBOLS
 from .edge_model import EdgeModel, _device, _first_line, _torch
 from .loading import file_of, potential_of, said_besides
 

@@ -28,7 +28,7 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Frame
 from ..base import Term, Work
-from ..pair import MAX_TYPES, kinds_of
+from ..pairs.pairs import MAX_TYPES, kinds_of
 from .ewald import Smooth, SmoothWork
 from .split import ACCURACY
 from .stress import Products

@@ -129,7 +129,7 @@ class Kspace:
 def check_style(c) -> None:
     """Raise AtcError unless the sum of a kspace_style line is one that is computed here. A name without its accelerator
     suffix."""
-    from ..hybrid import strip_suffix
+    from ..pairs.hybrid import strip_suffix
 
     name = strip_suffix(c.words[0]) if c.words else ""
     if name in STYLES:
@@ -142,14 +142,14 @@ def check_style(c) -> None:
 
 def coulomb_of(terms):
     """[CoulombLong] of the pair terms."""
-    from ..coulomb_long import CoulombLong
+    from ..pairs.coulomb_long import CoulombLong
 
     return [s for t in terms for s in t.styles if isinstance(s, CoulombLong)]
 
 
 def dispersion_of(terms):
     """[LennardJonesLong] of the pair terms."""
-    from ..lj_long import LennardJonesLong
+    from ..pairs.lj_long import LennardJonesLong
 
     return [s for t in terms for s in t.styles if isinstance(s, LennardJonesLong)]
 
@@ -161,14 +161,14 @@ class _GrownC6:
     grow: object
 
     def __call__(self, n_types: int):
-        from ..lj_long import LennardJonesLong
+        from ..pairs.lj_long import LennardJonesLong
 
         return next(s.C for s in self.grow(n_types) if isinstance(s, LennardJonesLong))
 
 
 def _dispersion(kspace: Kspace, terms, units, where: str):
     """The smooth part of long-range dispersion."""
-    from ..hybrid import strip_suffix
+    from ..pairs.hybrid import strip_suffix
     from .dispersion import LongRangeDispersion
 
     styles = dispersion_of(terms)
@@ -268,7 +268,7 @@ def with_alpha(pot, alpha):
 def converged(pot, accuracy: float, alpha: float | None = None):
     """The same potential with the bonds and modes of its long-range Coulomb for another accuracy, or α; itself if it
     has none."""
-    from ..pair import Pairs
+    from ..pairs.pairs import Pairs
 
     if not pot.fields and not any(hasattr(s, "split") for t in pot.terms for s in t.styles):
         return pot

@@ -10,8 +10,8 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Cell, Frame, Topology
 from ..atom_columns import KIND
-from ..constraint_rules import LIGHT, Rule
-from ..special_bonds import SpecialBonds
+from ..constraints.rules import LIGHT, Rule
+from ..pairs.special_bonds import SpecialBonds
 
 #: Lighter than any atom but hydrogen, deuterium and hydrogen with mass of its neighbour's; amu.
 _HEAVY = 5.0
@@ -46,7 +46,7 @@ class ExcludedPairs(SpecialBonds):
         super().__init__((0.0, 1.0, 1.0), (0.0, 1.0, 1.0))
 
     def lists(self, top, n):
-        from ..special_bonds import _neighbours, special_hints
+        from ..pairs.special_bonds import _neighbours, special_hints
 
         start, other = _neighbours(np.unique(np.sort(np.asarray(top.bonds, np.int64), axis=1), axis=0), n)
         other = other.astype(np.int32)

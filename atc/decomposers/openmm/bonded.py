@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import AtcError
-from ..angle import HarmonicAngle
-from ..bond import HarmonicBond
-from ..chiral import AcrossTorsion, CorrectionMaps, CosineLaw
-from ..cmap import handedness
-from ..dihedral import _MIRROR, HarmonicTorsion, NHarmonicTorsion
+from ..bonded.angle import HarmonicAngle
+from ..bonded.bond import HarmonicBond
+from ..bonded.chiral import AcrossTorsion, CorrectionMaps, CosineLaw
+from ..bonded.cmap import handedness
+from ..bonded.dihedral import _MIRROR, HarmonicTorsion, NHarmonicTorsion
 from .atoms import listed
 from .formulas import OPENMM, FormulaAngle, FormulaBond, FormulaLaw, FormulaTorsion, SystemFormula, Table, _number
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...errors import AtcError
 from ...units import units
-from ..bonded_lepton import LeptonAngle, LeptonBond, LeptonTorsion
+from ..bonded.lepton import LeptonAngle, LeptonBond, LeptonTorsion
 from ..lepton import LeptonFormula
-from ..pair import PairStyle
+from ..pairs.pairs import PairStyle
 
 #: OpenMM's units: nm, kJ/mol, e, amu, ps.
 OPENMM = replace(units("mdanalysis"), length=10.0 * units("mdanalysis").length)

@@ -8,14 +8,14 @@ import numpy as np
 
 from ...errors import AtcError
 from ..atom_columns import KIND
-from ..coulomb import CoulombCut
-from ..coulomb_long import CoulombLong
-from ..lj_long import LennardJonesLong
 from ..long_range.dispersion import DispersionSplit, LongRangeDispersion
 from ..long_range.ewald import LongRangeCoulomb
 from ..long_range.kspace import RunAccuracy
 from ..long_range.split import ACCURACY, Split
-from ..pair import MAX_TYPES, Pairs
+from ..pairs.coulomb import CoulombCut
+from ..pairs.coulomb_long import CoulombLong
+from ..pairs.lj_long import LennardJonesLong
+from ..pairs.pairs import MAX_TYPES, Pairs
 from .atoms import ExcludedPairs
 from .bonded import formula_of
 from .formulas import OPENMM, FormulaPairs, _number, powers_of

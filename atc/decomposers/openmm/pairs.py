@@ -7,11 +7,11 @@ import numpy as np
 
 from ...errors import AtcError
 from ..base import Accumulator
-from ..cluster import ClusterTerm
-from ..gromacs import LennardJonesGromacs, _shift
-from ..lennard_jones import LennardJones
-from ..pair_loop import pair_law
-from ..radial import ChargedStyle, RadialStyle
+from ..bonded.cluster import ClusterTerm
+from ..pairs.gromacs import LennardJonesGromacs, _shift
+from ..pairs.lennard_jones import LennardJones
+from ..pairs.loop import pair_law
+from ..pairs.radial import ChargedStyle, RadialStyle
 
 _lj = LennardJones.law
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import AtcError
+from ..constraints.virtual_sites import Places
 from ..images import Images
-from ..virtual_sites import Places
 from .formulas import OPENMM, _number
 
 #: Of complex steps, whose derivatives have no rounding of differences.

@@ -7,8 +7,8 @@ import numpy as np
 from ...errors import AtcError
 from ...units import units
 from ..base import Potential
-from ..constraints import Constraints
-from ..virtual_sites import VirtualSites
+from ..constraints.held import Constraints
+from ..constraints.virtual_sites import VirtualSites
 from .atoms import Particles, SystemConstraints
 from .bonded import BONDED
 from .formulas import _number

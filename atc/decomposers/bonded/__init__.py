@@ -1,0 +1,1 @@
+"""Forces along the topology's bonds, angles, torsions and impropers, and what they share."""

@@ -1,0 +1,368 @@
+"""Torsions of the topology: U(φ) of four atoms in a chain, as forces along their six distances.
+
+Every style here is even in φ, so a polynomial in cos φ, and therefore a function of distances; it is kept as a
+Chebyshev series U = Σ a_n cos nφ, dU/dcos φ = Σ n a_n sin nφ / sin φ, both polynomials: nothing is divided by sin φ,
+planar chains are an ordinary case. A phase that is neither 0 nor 180° makes a term that tells a torsion from its mirror
+image. Such a term has no forces along distances (formulas §2, R 4.0.28): it is refused.
+
+With b1 = x2 − x1, b2 = x3 − x2, b3 = x4 − x3: cos φ = (b1×b2)·(b2×b3) / (|b1×b2| |b2×b3|), trans = 180°, as in LAMMPS.
+Where three atoms are collinear φ has no value, and U(φ) no limit. There 1/sin θ of the angle between two successive
+bonds is continued below sin θ = 0.001 by (3 − sin²θ/ε²)/(2ε), ε = 0.001: cos φ goes to 0, energy and forces stay finite
+and continuous, and the forces are the energy's derivatives. Chains with such an angle are counted in the notes. (LAMMPS
+clamps the sine, in styles of its own choosing.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...compiled import njit
+from ...errors import AtcError
+from ...units import Units
+from ...units import units as system
+from ..base import Accumulator
+from ..registry import dihedral_style
+from .cluster import ClusterTerm, weights_of
+from .topology import BondedTerm, energy, plain, register_bonded
+from .topology import whole as _whole
+
+#: sin θ below which the collinear continuation holds
+COLLINEAR = 0.001
+_INNER = {"inner": ((0.0, 0.5, 0.5, 0.0), "energy shared half to each of the two inner atoms")}
+_MIRROR = (
+    "a chain whose torsion this phase prefers and its mirror image differ in energy, so the term is not a function of "
+    "distances and has no forces along bonds"
+)
+
+
+class MirrorError(ValueError):
+    """Coefficients that are understood, of a term that is not a function of distances: refused where a frame uses
+    them."""
+
+
+class FourAtoms(BondedTerm, ClusterTerm):
+    """What torsions and impropers share: four atoms, coefficients by type, a partition of the energy.
+
+    Parameters
+    ----------
+    coeffs : {type: numbers of LAMMPS's coefficient line}, in `units`; a bare tuple is type 1
+    units : unit style of the numbers; the default has eV and Å
+    partition : how a term's energy is shared among its atoms: "equal" (a quarter each, as LAMMPS), "inner" (half to
+        each of atoms 2 and 3), or
+        four numbers that add up to 1. Stress and total energy do not depend on it; heat flux and churning do.
+    """
+
+    bodies = 4
+    weights = np.full(4, 0.25)
+    shared = "energy shared 1/4 to each atom"
+
+    def __init__(self, coeffs: Mapping | Sequence, *, units: str | Units = "metal", partition="equal"):
+        super().__init__(coeffs, units=units)
+        self.share(partition)
+
+    @property
+    def part_name(self) -> str:
+        return self.kind
+
+    @property
+    def partitions(self) -> Mapping[str, str]:
+        # Which atom of an improper is its centre is each model's own convention.
+        return {"equal": "equal", "center": "inner"} if self.kind == "dihedral" else {"equal": "equal"}
+
+    def share(self, partition):
+        self.weights, self.shared = weights_of(partition, 4, _INNER, f"{self.kind} {self.name}")
+
+    def describe(self) -> str:
+        return f"{self.kind} {self.name}, {self.shared}"
+
+
+class Torsion(FourAtoms):
+    """Base of the torsion styles: U = Σ_n a_n cos nφ. Subclasses implement `series`. See `FourAtoms` for the
+    parameters."""
+
+    kind = "dihedral"
+
+    def series(self, *numbers) -> np.ndarray:
+        """a_0, a_1, .. (internal energy units) from the numbers of a coefficient line. Raises ValueError with what is
+        wrong."""
+        raise NotImplementedError
+
+    def _set(self, values: Mapping, where: str = ""):
+        self.covered = frozenset(values)
+        rows, refused = {}, {}
+        for t, v in values.items():
+            try:
+                rows[t] = np.atleast_1d(self.series(*v))
+            except MirrorError as e:
+                refused[t] = str(e)
+            except ValueError as e:
+                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {e}") from None
+        self.keep_refusals(refused, where)
+        self.table = np.zeros((max(rows, default=0) + 1, max((len(a) for a in rows.values()), default=1)))
+        for t, a in rows.items():
+            self.table[t, : len(a)] = a
+
+    def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
+        bad, collinear = _torsions(x_tkc, types, self.table, U, G)
+        acc.note(f"{self.kind}s with three atoms in a line, where cos phi was continued to 0", collinear)
+        return bad
+
+
+def mirror_refusals(values: Mapping, settle) -> dict[int, str]:
+    """{type: why} of those types for which ``settle(type)`` finds that mirror images differ."""
+    refused = {}
+    for t in values:
+        try:
+            settle(t)
+        except MirrorError as e:
+            refused[t] = str(e)
+    return refused
+
+
+def _cosine(n: int, factor: float) -> np.ndarray:
+    a = np.zeros(n + 1)
+    a[n] = factor
+    return a
+
+
+def sign_of_phase(degrees: float) -> float:
+    """1 or −1 for a phase of 0 or 180 degrees; MirrorError for others."""
+    if degrees % 180.0 != 0.0:
+        raise MirrorError(f"the phase {degrees:g} degrees is neither 0 nor 180: {_MIRROR}")
+    return 1.0 if degrees % 360.0 == 0.0 else -1.0
+
+
+class HarmonicTorsion(Torsion):
+    """U = K [1 + d cos nφ] (LAMMPS ``harmonic``). Coefficients K [energy], d = 1 or −1, n = 0, 1, 2, ..."""
+
+    name = "harmonic"
+    wants = (("K", energy), ("d", plain), ("n", plain))
+
+    def series(self, K, d, n):
+        if d not in (1.0, -1.0):
+            raise ValueError(f"d must be 1 or -1, got {d:g}")
+        a = _cosine(_whole(n, "n", 0), K * d)
+        a[0] += K
+        return a
+
+
+class CharmmTorsion(Torsion):
+    """U = K [1 + cos(nφ − d)] (LAMMPS ``charmm``). Coefficients K [energy], n, d [degrees, 0 or 180], w.
+
+    w is the weight of a 1-4 pair interaction whose coefficients belong to a charmm pair style. From LAMMPS lines it
+    becomes a term of its own (`one_four`); where there is no such term, w must be 0.
+    """
+
+    name = "charmm"
+    wants = (("K", energy), ("n", plain), ("d", plain), ("w", plain))
+
+    #: whether somebody takes care of the 1-4 pairs
+    ends_done = False
+
+    def _set(self, values: Mapping, where: str = ""):
+        super()._set(values, where)
+        self.end_weights = {t: v[3] for t, v in values.items() if v[3] != 0.0}
+
+    def prepare(self, frame):
+        if self.end_weights and not self.ends_done:
+            t, w = next(iter(self.end_weights.items()))
+            raise AtcError(
+                f"dihedral type {t} of style {self.name}: the weight {w:g} asks for a 1-4 pair interaction, which is "
+                "not supported here: "
+                "give the dihedral types by number in LAMMPS lines with a charmm pair style, or weight 0.0"
+            )
+        return super().prepare(frame)
+
+    def series(self, K, n, d, w):
+        if not 0.0 <= w <= 1.0:
+            raise ValueError(f"the weight of the 1-4 pair must be between 0 and 1, got {w:g}")
+        a = _cosine(_whole(n, "n", 0), K * sign_of_phase(d))
+        a[0] += K
+        return a
+
+
+class CharmmFSWTorsion(CharmmTorsion):
+    """LAMMPS ``charmmfsw``: as ``charmm`` where the weight is 0."""
+
+    name = "charmmfsw"
+
+
+class OPLSTorsion(Torsion):
+    """U = ½K1 (1 + cos φ) + ½K2 (1 − cos 2φ) + ½K3 (1 + cos 3φ) + ½K4 (1 − cos 4φ) (LAMMPS ``opls``). Coefficients K1
+    K2 K3 K4 [energy]."""
+
+    name = "opls"
+    wants = tuple((f"K{k}", energy) for k in (1, 2, 3, 4))
+
+    def series(self, K1, K2, K3, K4):
+        return 0.5 * np.array([K1 + K2 + K3 + K4, K1, -K2, K3, -K4])
+
+
+class MultiHarmonicTorsion(Torsion):
+    """U = Σ_{n=1..5} A_n cosⁿ⁻¹ φ (LAMMPS ``multi/harmonic``). Coefficients A1 .. A5 [energy]."""
+
+    name = "multi/harmonic"
+    wants = tuple((f"A{k}", energy) for k in (1, 2, 3, 4, 5))
+
+    def series(self, *A):
+        return np.polynomial.chebyshev.poly2cheb(A)
+
+
+class NHarmonicTorsion(Torsion):
+    """U = Σ_{n=1..N} A_n cosⁿ⁻¹ φ (LAMMPS ``nharmonic``). Coefficients A1 .. AN [energy] (in LAMMPS's lines after their
+    number N)."""
+
+    name = "nharmonic"
+
+    def __init__(self, coeffs, *, units: str | Units = "metal", partition="equal"):
+        coeffs = coeffs if isinstance(coeffs, Mapping) else {1: coeffs}
+        u = system(units)
+        self.units = u
+        self._set({int(t): tuple(u.to_internal("energy", np.atleast_1d(v).astype(float))) for t, v in coeffs.items()})
+        self.share(partition)
+
+    def series(self, *A):
+        if not A:
+            raise ValueError("needs at least one coefficient")
+        return np.polynomial.chebyshev.poly2cheb(A)
+
+
+class FourierTorsion(Torsion):
+    """U = Σ_{i=1..m} K_i [1 + cos(n_i φ − d_i)] (LAMMPS ``fourier``). Coefficients m, then K_i [energy], n_i, d_i
+    [degrees, 0 or 180] for each i."""
+
+    name = "fourier"
+
+    def __init__(self, coeffs, *, units: str | Units = "metal", partition="equal"):
+        coeffs = coeffs if isinstance(coeffs, Mapping) else {1: coeffs}
+        u = system(units)
+        self.units = u
+        self._set({int(t): _scaled_fourier(v, u.energy) for t, v in coeffs.items()})
+        self.share(partition)
+
+    def series(self, m, *more):
+        m = _whole(m, "the number of terms", 1)
+        if len(more) != 3 * m:
+            raise ValueError(f"{m} terms need {3 * m} numbers K n d after {m}, got {len(more)}")
+        terms = [
+            (K, _whole(n, "n", 0), sign_of_phase(d)) for K, n, d in zip(more[::3], more[1::3], more[2::3], strict=True)
+        ]
+        a = np.zeros(max(n for _, n, _ in terms) + 1)
+        for K, n, sign in terms:
+            a[0] += K
+            a[n] += K * sign
+        return a
+
+
+def _scaled_fourier(v, factor: float):
+    v = [float(w) for w in v]
+    return tuple(w * factor if k % 3 == 1 else w for k, w in enumerate(v))
+
+
+register_bonded(HarmonicTorsion, CharmmTorsion, CharmmFSWTorsion, OPLSTorsion, MultiHarmonicTorsion)
+
+
+@dihedral_style("nharmonic")
+def _nharmonic(inp):
+    def numbers(line):
+        n = inp.number(line.words[0], 1.0, "the number of terms", line) if line.words else 0
+        if n < 1 or n != len(line.words) - 1:
+            raise inp.wrong("dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An", line)
+        return tuple(inp.number(w, "energy", f"A{k}", line) for k, w in enumerate(line.words[1:], 1))
+
+    return NHarmonicTorsion._from_input(inp.by_type(numbers), inp)
+
+
+@dihedral_style("fourier")
+def _fourier(inp):
+    def numbers(line):
+        return _scaled_fourier(
+            [inp.number(w, 1.0, "a coefficient", line) for w in line.words] or [0.0], inp.units.energy
+        )
+
+    return FourierTorsion._from_input(inp.by_type(numbers), inp)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _inverse_root(A, y):
+    """1/√A for A = y sin²θ, continued below sin θ = ε (module docstring), and its derivatives with respect to A and
+    y."""
+    e2 = COLLINEAR * COLLINEAR
+    if A >= e2 * y:
+        w = 1.0 / np.sqrt(A)
+        return w, -0.5 * w / A, 0.0, 0
+    s = A / (e2 * y)
+    v = 1.0 / np.sqrt(y)
+    w = (3.0 - s) * v / (2.0 * COLLINEAR)
+    return w, -v / (2.0 * COLLINEAR * e2 * y), 3.0 * (s - 1.0) * v / (4.0 * COLLINEAR * y), 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cosine_and_slopes(x, slopes):
+    """cos φ, |sin φ| of four atoms x (4, 3), and ∂cos φ/∂ξ of the pairs 12 13 14 23 24 34. Returns (cos, sin, how many
+    collinear angles)."""
+    b1x, b1y, b1z = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[1, 2] - x[0, 2]
+    b2x, b2y, b2z = x[2, 0] - x[1, 0], x[2, 1] - x[1, 1], x[2, 2] - x[1, 2]
+    b3x, b3y, b3z = x[3, 0] - x[2, 0], x[3, 1] - x[2, 1], x[3, 2] - x[2, 2]
+    # Cross products from the vectors: as differences of dot products they would lose digits near collinear.
+    mx, my, mz = b1y * b2z - b1z * b2y, b1z * b2x - b1x * b2z, b1x * b2y - b1y * b2x
+    nx, ny, nz = b2y * b3z - b2z * b3y, b2z * b3x - b2x * b3z, b2x * b3y - b2y * b3x
+    a = b1x * b1x + b1y * b1y + b1z * b1z
+    b = b2x * b2x + b2y * b2y + b2z * b2z
+    c = b3x * b3x + b3y * b3y + b3z * b3z
+    p = b1x * b2x + b1y * b2y + b1z * b2z
+    q = b2x * b3x + b2y * b3y + b2z * b3z
+    t = b1x * b3x + b1y * b3y + b1z * b3z
+    A = mx * mx + my * my + mz * mz
+    B = nx * nx + ny * ny + nz * nz
+    N = mx * nx + my * ny + mz * nz
+    u, u_A, u_y, near1 = _inverse_root(A, a * b)
+    v, v_B, v_y, near2 = _inverse_root(B, b * c)
+    # cos = N u v; N = p q − t b, A = a b − p², B = b c − q².
+    C_a = N * v * (u_A + u_y) * b
+    C_c = N * u * (v_B + v_y) * b
+    C_b = -t * u * v + N * v * (u_A + u_y) * a + N * u * (v_B + v_y) * c
+    C_p = q * u * v - 2.0 * N * v * u_A * p
+    C_q = p * u * v - 2.0 * N * u * v_B * q
+    C_t = -b * u * v
+    # a, b, c = 2ξ12, 2ξ23, 2ξ34; p = ξ13 − ξ12 − ξ23; q = ξ24 − ξ23 − ξ34; t = ξ14 + ξ23 − ξ13 − ξ24.
+    slopes[0] = 2.0 * C_a - C_p
+    slopes[1] = C_p - C_t
+    slopes[2] = C_t
+    slopes[3] = 2.0 * C_b - C_p - C_q + C_t
+    slopes[4] = C_q - C_t
+    slopes[5] = 2.0 * C_c - C_q
+    volume = np.abs(mx * b3x + my * b3y + mz * b3z)
+    return N * u * v, np.sqrt(b) * volume * u * v, near1 + near2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _torsions(x, types, table, U, G):
+    """Energies and G of Chebyshev series in cos φ; the first chain that is not finite (−1: none), and how many have
+    collinear atoms."""
+    slopes = np.empty(6)
+    collinear = 0
+    for t in range(len(U)):
+        cos, sin, near = cosine_and_slopes(x[t], slopes)
+        collinear += 1 if near > 0 else 0
+        cos = min(1.0, max(-1.0, cos))
+        row = table[types[t]]
+        # First and second kind side by side: T_n and U_{n-1}.
+        T0, T1 = 1.0, cos
+        V0, V1 = 0.0, 1.0
+        u, slope = row[0], 0.0
+        for n in range(1, len(row)):
+            u += row[n] * T1
+            slope += n * row[n] * V1
+            T0, T1 = T1, 2.0 * cos * T1 - T0
+            V0, V1 = V1, 2.0 * cos * V1 - V0
+        U[t] = u
+        total = u
+        for e in range(6):
+            G[t, e] = slope * slopes[e]
+            total += G[t, e]
+        if not np.isfinite(total):
+            return t, collinear
+    return -1, collinear

@@ -1,0 +1,136 @@
+"""Torsions whose energy is another function of cos φ than a short series (see `atc.decomposers.bonded.dihedral` for the
+geometry)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...compiled import njit
+from ..base import Accumulator
+from .angle_curves import restricted, shift_exp
+from .cluster import first_not_finite
+from .dihedral import FourAtoms, Torsion, cosine_and_slopes, mirror_refusals, sign_of_phase
+from .improper import HarmonicImproper
+from .topology import degrees, energy, plain, register_bonded
+
+
+class CurveTorsion(FourAtoms):
+    """Base of torsions with a formula of cos φ. Subclasses implement `curve`. See `FourAtoms` for the parameters."""
+
+    kind = "dihedral"
+
+    def curve(self, cos, sin, types):
+        """U and dU/dcos φ, (t,), of each chain; sin φ ≥ 0."""
+        raise NotImplementedError
+
+    def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
+        cos, sin, near = np.empty(len(U)), np.empty(len(U)), np.empty(len(U), np.int64)
+        geometry(x_tkc, cos, sin, G, near)
+        U[:], slope = self.curve(cos, sin, types)
+        G *= slope[:, None]
+        acc.note(f"{self.kind}s with three atoms in a line, where cos phi was continued to 0", int(near.sum()))
+        return first_not_finite(U, G)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def geometry(x, cos, sin, slopes, near):
+    """Fill cos φ, |sin φ|, ∂cos φ/∂ξ of the six pairs and how many collinear angles, chain by chain."""
+    for t in range(len(cos)):
+        c, sin[t], near[t] = cosine_and_slopes(x[t], slopes[t])
+        cos[t] = min(1.0, max(-1.0, c))
+        if near[t] > 0:
+            # The continuation scales the cosine alone: the angle is the one that belongs to it.
+            sin[t] = np.sqrt(1.0 - cos[t] * cos[t])
+
+
+def refuse_phases(term, values, columns, where):
+    """Replace phases (radians, in these columns) by the sign of the cosine; types with a phase neither 0 nor 180°
+    become refusals."""
+
+    def settle(t):
+        for k in columns:
+            term.table[t, k] = sign_of_phase(round(np.degrees(term.table[t, k]), 9))
+
+    term.keep_refusals(mirror_refusals(values, settle), where)
+
+
+class QuadraticTorsion(HarmonicImproper):
+    """U = K (φ − φ0)² with φ − φ0 between −180 and 180° (LAMMPS ``quadratic``). Coefficients K [energy/rad²], φ0
+    [degrees, 0 or 180].
+
+    Smooth at the plane of φ0. At the other plane the energy has a ridge: sin φ is divided by no less than 1e-6, and
+    such chains are counted.
+    """
+
+    kind = "dihedral"
+    name = "quadratic"
+    wants = (("K", energy), ("phi0", degrees))
+    angle_name, small = "phi", 1e-6
+
+    def _set(self, values, where=""):
+        super()._set(values, where)
+        refuse_phases(self, values, (1,), where)
+        self.table[:, 1] = np.where(self.table[:, 1] < 0, np.pi, 0.0)
+
+
+class HelixTorsion(Torsion):
+    """U = A [1 − cos φ] + B [1 + cos 3φ] + C [1 + cos(φ + 45°)] (LAMMPS ``helix``). Coefficients A, B, C [energy].
+
+    C must be 0: its term prefers one hand.
+    """
+
+    name = "helix"
+    wants = (("A", energy), ("B", energy), ("C", energy))
+
+    def series(self, A, B, C):
+        if C != 0.0:
+            sign_of_phase(45.0)
+        return np.array([A + B, -A, 0.0, B])
+
+
+_SMALL_A = (
+    "for |a| below 0.001 LAMMPS's forces are not the derivative of its energy and differ in the mirror image, so they "
+    "are no forces along bonds: use a = 0, or 0.001 and more"
+)
+
+
+class CosineShiftExpTorsion(CurveTorsion):
+    """U = −U_min (e^{−a u} − 1)/(e^a − 1), u = −½[1 + cos(φ − φ0)] (LAMMPS ``cosine/shift/exp``). U_min [energy], φ0
+    [degrees, 0 or 180], a.
+
+    For 0 < |a| < 0.001 LAMMPS (22 Jul 2025, measured) adds a force ½ a cot φ of the right one, of the other sign in the
+    mirror image: refused.
+    """
+
+    name = "cosine/shift/exp"
+    wants = (("U_min", energy), ("phi0", degrees), ("a", plain))
+
+    def _set(self, values, where=""):
+        super()._set(values, where)
+        refuse_phases(self, values, (1,), where)
+        small = {t: _SMALL_A for t in values if 0.0 < abs(self.table[t, 2]) < 0.001}
+        self.keep_refusals({**self.refused, **small}, where)
+
+    def curve(self, cos, sin, types):
+        depth, sign, a = self.table[types].T
+        U, slope = shift_exp(sign * cos, depth, a)
+        return U, sign * slope
+
+
+class RestrictedTorsion(CurveTorsion):
+    """U = K (cos φ − cos φ0)²/sin² φ (MARTINI; LAMMPS ``cosine/squared/restricted``). Coefficients K [energy], φ0
+    [degrees].
+
+    A function of cos φ, the same for both hands, for every φ0. Infinite in the planes (for φ0 = 0 or 180° only in the
+    other one): an error there.
+    """
+
+    name = "cosine/squared/restricted"
+    wants = (("K", energy), ("phi0", degrees))
+
+    def curve(self, cos, sin, types):
+        K, phi0 = self.table[types].T
+        return restricted(cos, sin, K, np.cos(phi0))
+
+
+register_bonded(QuadraticTorsion, HelixTorsion, CosineShiftExpTorsion, RestrictedTorsion)

@@ -1,0 +1,420 @@
+"""What bonds and angles share: which image of an atom is meant, which types have coefficients, and the cut into
+tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from ...errors import AtcError
+from ...frame import Frame
+from ...readers.lammps.data import COEFFS
+from ...units import Units
+from ...units import units as system
+from ..base import Accumulator, Term, Work
+from ..registry import STYLES, TypeRange
+from .unsupported import reason
+
+CHUNK = 16384
+
+
+def first_true(bad_t) -> int:
+    """The number of the first that is true, −1 if none is."""
+    return int(np.argmax(bad_t)) if bad_t.any() else -1
+
+
+def per_length2(u: Units) -> float:
+    """Internal size of energy/length²."""
+    return u.energy / u.length**2
+
+
+def energy(u: Units) -> float:
+    """Internal size of an energy."""
+    return u.energy
+
+
+def length(u: Units) -> float:
+    """Internal size of a length."""
+    return u.length
+
+
+def per_length(u: Units) -> float:
+    """Internal size of 1/length."""
+    return 1.0 / u.length
+
+
+def per_length3(u: Units) -> float:
+    """Internal size of energy/length³."""
+    return u.energy / u.length**3
+
+
+def per_length4(u: Units) -> float:
+    """Internal size of energy/length⁴."""
+    return u.energy / u.length**4
+
+
+def energy_per_length(u: Units) -> float:
+    """Internal size of energy/length."""
+    return u.energy / u.length
+
+
+def kelvin(u: Units) -> float:
+    """k_B T of a temperature."""
+    return u.boltzmann
+
+
+def plain(u: Units) -> float:
+    """Of a number without unit."""
+    return 1.0
+
+
+def degrees(u: Units) -> float:
+    """Radians in a degree."""
+    return np.pi / 180.0
+
+
+class BondedTerm(Term):
+    """Bonds or angles of one style, with coefficients by type.
+
+    Parameters
+    ----------
+    coeffs : {type: numbers}, the numbers of LAMMPS's coefficient line in its order (`wants`) and in `units`; angles in
+        degrees. For types that
+        differ in nothing a bare tuple is type 1.
+    units : unit style of the numbers; the default has eV and Å
+
+    Attributes
+    ----------
+    covered : types with coefficients
+    others : types that other styles take care of (hybrid). A type of the topology that nobody covers is an error.
+    refused : {type: why} of types whose coefficients are understood and have no forces along distances: an error only
+        where a frame uses them
+
+    Terms of type 0 and below are switched off in LAMMPS (a broken ``quartic`` bond, ``delete_bonds``): they contribute
+    nothing.
+    """
+
+    kind = ""
+    name = ""
+    #: (what, factor to internal units as a function of Units) of each number of a coefficient line
+    wants: tuple[tuple[str, Callable[[Units], float]], ...] = ()
+    others: frozenset = frozenset()
+    refused: Mapping[int, str] = MappingProxyType({})
+
+    def __init__(self, coeffs: Mapping | Sequence, *, units: str | Units = "metal"):
+        if not isinstance(coeffs, Mapping):
+            coeffs = {1: coeffs}
+        self.units = system(units)
+        self._set(_converted(self, coeffs, self.units))
+
+    @classmethod
+    def _from_input(cls, values: Mapping, inp):
+        """From a `StyleInput`, values in internal units."""
+        self = cls.__new__(cls)
+        self.units = inp.units
+        self._set(values, inp.where)
+        return self
+
+    def _set(self, values: Mapping, where: str = ""):
+        """Keep the numbers (internal units) as `table`, (largest type + 1, ...)."""
+        self.covered = frozenset(values)
+        self.table = np.zeros((max(self.covered, default=0) + 1, max(1, len(self.wants))))
+        for t, v in values.items():
+            self.table[t, : len(v)] = v
+            wrong = self.check(t)
+            if wrong:
+                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {wrong}")
+
+    @classmethod
+    def wanted(cls, units: Units) -> list:
+        """`wants`, with what the numbers of a model in these units are multiplied by."""
+        return [(what, f(units)) for what, f in cls.wants]
+
+    @classmethod
+    def _build(cls, inp):
+        inp.no_arguments()
+        return cls._from_input(inp.type_values(cls.wanted(inp.units)), inp)
+
+    def check(self, t: int) -> str | None:
+        """What is wrong with the numbers of type t, if anything."""
+        return None
+
+    def keep_refusals(self, refused: Mapping[int, str], where: str = ""):
+        """Remember types without forces along distances; if there are no others, the style can compute nothing and that
+        is an error at once."""
+        self.refused = dict(refused)
+        if refused and set(refused) == set(self.covered):
+            raise AtcError(f"{where or self.name}: {self._why(min(refused))}")
+
+    def _why(self, t: int) -> str:
+        return f"{self.kind} type {t} of style {self.name}: {self.refused[t]}"
+
+    def describe(self) -> str:
+        return f"{self.kind} {self.name}"
+
+    def terms_of(self, frame: Frame):
+        """(m, k) atom indices and (m,) types of this style's terms in a frame.
+
+        Raises
+        ------
+        AtcError without topology, for types without coefficients, or for atoms that are not in the frame.
+        """
+        kind, top = self.kind, frame.topology
+        if top is not None and top.untold:
+            raise AtcError(top.untold)
+        if top is None:
+            raise AtcError(
+                f"{frame.source}: {kind}_style {self.name} needs to know the {kind}s: give a LAMMPS data file with a "
+                f"{kind.capitalize()}s section as topology"
+            )
+        atoms, types = np.asarray(getattr(top, f"{kind}s")), np.asarray(getattr(top, f"{kind}_types"))
+        on = types > 0
+        if not on.all():
+            atoms, types = atoms[on], types[on]
+        used = set(np.unique(types).tolist())
+        missing = sorted(used - self.covered - self.others)
+        if missing:
+            raise AtcError(
+                f"{frame.source}: {kind} type {missing[0]} is in the topology but has no coefficients in {kind}_style "
+                f"{self.name}: add a {kind}_coeff {missing[0]} line"
+            )
+        if not self.refused.keys().isdisjoint(used):
+            raise AtcError(f"{frame.source}: {self._why(min(used & self.refused.keys()))}")
+        if len(atoms) and (atoms.min() < 0 or atoms.max() >= len(frame)):
+            raise AtcError(
+                f"{frame.source}: the topology has {kind}s of atoms that are not in this frame ({len(frame)} atoms): "
+                "dump all atoms"
+            )
+        if self.others:
+            mine = np.isin(types, list(self.covered))
+            atoms, types = atoms[mine], types[mine]
+        return np.ascontiguousarray(atoms, dtype=np.int32), np.ascontiguousarray(types, dtype=np.int32)
+
+
+class RowTerm:
+    """For terms whose coefficient lines have no fixed length: subclasses turn the numbers of a line into a row of the
+    table.
+
+    The class in front of a `BondedTerm`; takes the same parameters.
+    """
+
+    #: what a row is filled up with to the longest one, again and again
+    filling: tuple[float, ...] = (0.0,)
+
+    @classmethod
+    def row(cls, numbers: Sequence[float], u: Units) -> Sequence[float]:
+        """The internal numbers of one coefficient line. Raises ValueError with what is wrong."""
+        raise NotImplementedError
+
+    def __init__(self, coeffs, *, units: str | Units = "metal", **more):
+        coeffs = coeffs if isinstance(coeffs, Mapping) else {1: coeffs}
+        self.units = system(units)
+        try:
+            rows = {int(t): self.row([float(x) for x in v], self.units) for t, v in coeffs.items()}
+        except ValueError as e:
+            raise AtcError(f"{self.kind} style {self.name}: {e}") from None
+        self._set(rows)
+        if hasattr(self, "weights"):
+            self.share(more.pop("partition", "equal"))
+        if more:
+            raise TypeError(f"{type(self).__name__} has no parameter {next(iter(more))}")
+
+    def _set(self, values: Mapping, where: str = ""):
+        self.covered = frozenset(values)
+        self.table = filled(values, self.filling)
+        for t in values:
+            wrong = self.check(t)
+            if wrong:
+                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {wrong}")
+
+    @classmethod
+    def _build(cls, inp):
+        inp.no_arguments()
+
+        def read(line):
+            try:
+                return cls.row([inp.number(w, 1.0, "a coefficient", line) for w in line.words], inp.units)
+            except ValueError as e:
+                raise inp.error(f"{inp.kind}_coeff of {inp.name}: {e}", line) from None
+
+        return cls._from_input(inp.by_type(read), inp)
+
+
+class CrossTerms:
+    """For class2 styles, whose coefficients come in parts: the main ones, and cross terms behind a word of their own.
+
+    The class in front of a `BondedTerm`. In a data file each part is a section; every type needs all of them, as in
+    LAMMPS.
+    """
+
+    main: tuple[tuple[str, Callable[[Units], float]], ...]
+    crosses: Mapping[str, tuple[tuple[str, Callable[[Units], float]], ...]]
+
+    @property
+    def wants(self):
+        return tuple(w for part in (self.main, *self.crosses.values()) for w in part)
+
+    @classmethod
+    def _build(cls, inp):
+        inp.no_arguments()
+        parts = {"": cls.main, **cls.crosses}
+        got: dict[int, dict[str, list]] = {}
+        for line in inp.coeffs:
+            word = line.words[0] if line.words and line.words[0] in cls.crosses else ""
+            wants = [(what, f(inp.units)) for what, f in parts[word]]
+            numbers = inp.numbers(line.words[1 if word else 0 :], wants, line)
+            for (t,) in line.covers(inp.n_types):
+                got.setdefault(t, {})[word] = numbers
+        for t, has in got.items():
+            missing = [p for p in parts if p not in has]
+            if missing:
+                what = " and ".join(
+                    f"{inp.kind}_coeff {t} {p}".strip() + f" (data file: {SECTIONS[inp.kind, p]})" for p in missing
+                )
+                raise inp.error(f"{inp.kind} type {t} of style {inp.name} lacks coefficients: add {what}")
+        return cls._from_input({t: [x for p in parts for x in has[p]] for t, has in got.items()}, inp)
+
+
+#: the sections of data files, by kind and the word of a class2 cross term ("": the kind's own)
+SECTIONS = {key: name for name, key in COEFFS.items()}
+
+
+def filled(rows: Mapping[int, Sequence[float]], filling=(0.0,)) -> np.ndarray:
+    """(largest type + 1, longest row): each row by its type, filled up with `filling` over and over (from the second
+    number on, if it has several)."""
+    width = max((len(r) for r in rows.values()), default=1)
+    lead = width % len(filling)
+    table = np.tile(
+        np.concatenate([np.zeros(lead), np.tile(filling, width // len(filling))]), (max(rows, default=0) + 1, 1)
+    )
+    for t, r in rows.items():
+        table[t, : len(r)] = r
+    return table
+
+
+def whole(v: float, what: str, least: int | None = None) -> int:
+    """v as a whole number. Raises ValueError with what is wrong."""
+    if not np.isfinite(v) or v != int(v) or (least is not None and v < least):
+        raise ValueError(f"{what} must be a whole number{'' if least is None else f' from {least}'}, got {v:g}")
+    return int(v)
+
+
+def _converted(term, coeffs, u):
+    out = {}
+    for t, v in coeffs.items():
+        v = tuple(np.atleast_1d(v).astype(float))
+        if len(v) != len(term.wants):
+            names = ", ".join(w for w, _ in term.wants)
+            raise AtcError(
+                f"{term.kind} style {term.name}: type {t} needs {names or 'no numbers'}, got {len(v)} numbers"
+            )
+        out[int(t)] = tuple(x * f(u) for x, (_, f) in zip(v, term.wants, strict=True))
+    return out
+
+
+class HybridTerm(Term):
+    """Several styles of one kind side by side (LAMMPS ``bond_style hybrid``), each with types of its own.
+
+    terms : BondedTerms of one kind. silent : types that are meant to have no interaction (LAMMPS's ``none``).
+    """
+
+    def __init__(self, terms: Sequence[BondedTerm], silent=()):
+        self.terms = list(terms)
+        for t in self.terms:
+            t.others = frozenset(silent).union(*(o.covered for o in self.terms if o is not t))
+        self.units = self.terms[0].units
+
+    @property
+    def pairwise(self) -> bool:
+        return all(t.pairwise for t in self.terms)
+
+    @property
+    def part_name(self) -> str:
+        return next((t.part_name for t in self.terms if t.part_name), "")
+
+    def describe(self) -> str:
+        return "; ".join(t.describe() for t in self.terms)
+
+    def partitioned(self, partition, word=False):
+        new = copy(self)
+        new.terms = [t.partitioned(partition, word) for t in self.terms]
+        return new
+
+    def leaves(self, frame: Frame) -> list[Term]:
+        return [leaf for t in self.terms for leaf in t.leaves(frame)]
+
+    def prepare(self, frame: Frame) -> Work:
+        return HybridWork([t.prepare(frame) for t in self.terms])
+
+
+class HybridWork(Work):
+    """The works of the sub-styles, one after the other."""
+
+    def __init__(self, works):
+        self.tasks = [(w, k) for w in works for k in range(w.stages[0])]
+        self.stages = (len(self.tasks),)
+
+    def run(self, stage, task, acc: Accumulator):
+        work, k = self.tasks[task]
+        return work.run(0, k, acc)
+
+
+def _build_hybrid(inp):
+    """``bond_style hybrid harmonic table linear 1000`` and ``bond_coeff 1 harmonic 80 1.2`` lines."""
+    known = STYLES[inp.kind]
+    args: dict[str, list[str]] = {}
+    for word in inp.args:
+        if word in known and word != "hybrid":
+            if word in args:
+                raise inp.error(f"{inp.command} names {word} twice: name each style once")
+            args[word] = []
+        elif why := reason(inp.kind, word):
+            raise inp.error(f"{inp.command}: {inp.kind}_style {word} is not supported: {why}")
+        elif not args:
+            raise inp.error(f"{inp.command}: {word} is not supported: expected {', '.join(sorted(known))}")
+        else:
+            args[list(args)[-1]].append(word)
+    lines: dict[str, list] = {name: [] for name in args}
+    silent: set[int] = set()
+    last: dict[int, str] = {}
+    for line in inp.coeffs:
+        name = line.words[0] if line.words else ""
+        if name not in args and name not in ("none", "skip"):
+            raise inp.error(
+                f"{inp.kind}_coeff of hybrid: expected one of {', '.join([*args, 'none'])} after the type, got "
+                f"{name!r}",
+                line,
+            )
+        if name == "skip":
+            # A row of a class2 section for a type of another style: nothing is said about it.
+            continue
+        for (t,) in line.covers(inp.n_types):
+            last[t] = name
+        if name in args:
+            lines[name].append(replace(line, words=line.words[1:]))
+    terms = []
+    for name, more in args.items():
+        # A type given twice belongs to the style that names it last.
+        mine = [
+            replace(x, types=(TypeRange(t, t),))
+            for x in lines[name]
+            for (t,) in x.covers(inp.n_types)
+            if last[t] == name
+        ]
+        if mine:
+            terms.append(known[name](inp.replace(name=name, args=tuple(more), coeffs=tuple(mine))))
+    silent = {t for t, name in last.items() if name not in args}
+    if not terms:
+        raise inp.error(f"{inp.command} has no {inp.kind}_coeff lines for any of its styles: add them")
+    return HybridTerm(terms, silent)
+
+
+def register_bonded(*classes):
+    """Make styles known by their names, each built from its coefficient lines by its `_build`."""
+    for cls in classes:
+        STYLES[cls.kind][cls.name] = cls._build
+        STYLES[cls.kind]["hybrid"] = _build_hybrid

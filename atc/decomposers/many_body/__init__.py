@@ -1,0 +1,1 @@
+"""Potentials of atoms with their neighbours: embedded atoms, three bodies, bond orders, descriptors."""

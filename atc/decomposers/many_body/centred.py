@@ -1,0 +1,92 @@
+"""Energies of an atom and all its neighbours, beside pair energies: the stages that such terms share.
+
+U = Σ_pairs U2(d) + Σ_i U_i, U_i a function of the arms of atom i (to its neighbours within the cutoff) and of the
+distances between their ends. A frame is done in four stages: the half neighbour list; which pairs meet at which atom;
+around each atom, G of the arms into slots of their own (one for each end of a pair) and the outer distances as bonds of
+their own; one bond a pair. A subclass of `Centred` gives the two loops.
+
+With more than three neighbours the distances are not independent: G is that of the function as its formula is written,
+in arms and cosines, where the cosine at i between b and c stands for (ξ_ib + ξ_ic − ξ_bc)/(d_ib d_ic), and r_ib · r_ic
+for ξ_ib + ξ_ic − ξ_bc.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...frame import Frame
+from ..base import Term, Work
+from .elements import ElementMap
+from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborWork, made, room, shares
+from .stillinger_weber_kernels import sw_merge
+
+
+class Centred(Term):
+    """A term as the module says. Subclasses set `style`, `map` and `cutoff`."""
+
+    bodies = 3
+    style: str
+    map: ElementMap
+    #: How many outer bonds k neighbours make at most, in units of k (k − 1)/2.
+    outer_per_pair = 1
+
+    def pairs(self, p0: int, p1: int, near: tuple, G_p, energies) -> tuple[float, int]:
+        """Fill G_p[p0:p1] with G of the pair energies; return their sum and the first pair that is not finite, or
+        −1. near : as `NeighborWork.lists`"""
+        return 0.0, -1
+
+    def centres(self, s0, s1, most, near: tuple, G_end, S_end, out: tuple, energies) -> tuple[int, float]:
+        """Around the atoms s0..s1: arms into G_end (pair, end) and S_end (pair, end, 2, 3), outer bonds to out = (i, j,
+        r, G, D); return their number and Σ U_i.
+
+        S_end[p, end] : ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre. It and D have no rows where no sources are
+        wanted, energies none where no shares are.
+        most : the most neighbours an atom has
+        """
+        raise NotImplementedError
+
+    def prepare(self, frame: Frame) -> Work:
+        return CentredWork(self, frame)
+
+
+class CentredWork(NeighborWork):
+    """One frame: its neighbours, then chunks of centres."""
+
+    def __init__(self, term: Centred, frame: Frame):
+        super().__init__(term, frame, term.style, *term.map.apply(frame))
+
+    @property
+    def own(self):
+        return self._centres, self._merge
+
+    def joined(self, acc):
+        near = self.near
+        pairs = len(near.a)
+        self.G_p = np.zeros(pairs)
+        self.G_end = np.zeros((pairs, 2))
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
+        self.edges, self.most, self.room = near.runs(OUTER_PER_TASK)
+        self.room *= self.term.outer_per_pair
+        self.stages = (near.chunks, 1, len(self.edges) - 1, near.chunks)
+
+    def _centres(self, task, acc):
+        out = room(acc, self.room, np.zeros)
+        m, energy = self.term.centres(
+            self.edges[task], self.edges[task + 1], self.most, self.lists, self.G_end, self.S_end, out, shares(acc)
+        )
+        acc.energy += energy
+        return made(acc, out, m)
+
+    def _merge(self, task, acc):
+        near = self.near
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0, without=None)
+        energy, bad = self.term.pairs(p0, p1, self.lists, self.G_p, shares(acc))
+        if bad < 0:
+            odd = ~np.isfinite(self.G_p[p0:p1] + self.G_end[p0:p1].sum(axis=1))
+            bad = p0 + int(np.argmax(odd)) if odd.any() else -1
+        self.require_finite(bad)
+        acc.energy += energy
+        S_end = self.S_end if acc.sources else None
+        m = sw_merge(p0, p1, near.a, near.b, near.r_pc, self.G_p, self.G_end, S_end, near.atom, *out)
+        return made(acc, out, m)

@@ -1,0 +1,103 @@
+"""GROMACS's shift function: a polynomial beyond the inner cutoff that takes energy, force and its slope to zero at the
+outer one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..registry import StyleInput, pair_style
+from .input import fill
+from .lennard_jones import mix_lj
+from .loop import pair_law
+from .radial import ChargedStyle, RadialStyle, inner_below_outer, inner_outer, mix_lj_distances
+
+
+def _shift(e, e1, e2, inner, outer):
+    """A/3, B/4, C of S(d) = A/3 t³ + B/4 t⁴ + C, t = d − inner, for a term with value, slope and curvature e, e1, e2 at
+    the outer cutoff."""
+    t = outer - inner
+    A = (-3 * e1 + t * e2) / t**2
+    B = (2 * e1 - t * e2) / t**3
+    C = -e + t / 2 * e1 - t * t / 12 * e2
+    return A / 3, B / 4, C
+
+
+class LennardJonesGromacs(RadialStyle):
+    """U = 4ε[(σ/d)¹² − (σ/d)⁶] + S(d) (LAMMPS ``lj/gromacs``).
+
+    S = C for d < inner and A/3 t³ + B/4 t⁴ + C, t = d − inner, beyond, such that U, U' and U'' vanish at the cutoff.
+    Numbers: epsilon, sigma, inner, cutoff; see `RadialStyle`.
+    """
+
+    name = "lj/gromacs"
+    numbers = (("epsilon", "energy"), ("sigma", "length"), ("inner", "length"), ("cutoff", "length"))
+    shifts = False
+
+    def columns(self, epsilon, sigma, inner, cutoff):
+        a, c, r = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, cutoff
+        e = a / r**12 - c / r**6
+        e1 = -12 * a / r**13 + 6 * c / r**7
+        e2 = 156 * a / r**14 - 42 * c / r**8
+        return a, c, inner, *_shift(e, e1, e2, inner, r)
+
+    @pair_law
+    def law(d2, a12, c6, inner, A, B, C):
+        s2 = 1.0 / d2
+        s6 = s2 * s2 * s2
+        a = a12 * s6 * s6
+        c = c6 * s6
+        u = a - c + C
+        g = -(12.0 * a - 6.0 * c) * s2
+        d = np.sqrt(d2)
+        t = d - inner
+        if t > 0.0:
+            u += t * t * t * (A + B * t)
+            g += t * t * (3.0 * A + 4.0 * B * t) / d
+        return u, g
+
+
+class CoulombGromacs(ChargedStyle):
+    """U = C q_i q_j (1/d + S(d)), S as for `LennardJonesGromacs` (the Coulomb part of LAMMPS
+    ``lj/gromacs/coul/gromacs``).
+
+    Numbers: inner, cutoff; see `ChargedStyle`.
+    """
+
+    name = "coul/gromacs"
+    numbers = (("inner", "length"), ("cutoff", "length"))
+
+    def columns(self, inner, cutoff):
+        return inner, *_shift(1 / cutoff, -1 / cutoff**2, 2 / cutoff**3, inner, cutoff)
+
+    @pair_law
+    def law(d2, c, inner, A, B, C):
+        d = np.sqrt(d2)
+        s = 1.0 / d
+        u = s + C
+        du = -s * s
+        t = d - inner
+        if t > 0.0:
+            u += t * t * t * (A + B * t)
+            du += t * t * (3.0 * A + 4.0 * B * t)
+        return c * u, c * du * s
+
+
+inner_outer(LennardJonesGromacs, mix=mix_lj_distances)
+
+
+@pair_style("lj/gromacs/coul/gromacs")
+def _both(inp: StyleInput):
+    names = ("inner LJ cutoff", "outer LJ cutoff", "inner Coulomb cutoff", "outer Coulomb cutoff")
+    if len(inp.args) == 3:
+        raise inp.wrong(f"{inp.command} takes two or four cutoffs")
+    inner, outer, inner_c, outer_c = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
+    if inner_c is None:
+        inner_c, outer_c = inner, outer
+    inp.require(inner_below_outer(inner, outer, "LJ "))
+    inp.require(None if 0 <= inner_c < outer_c else "the inner Coulomb cutoff must be less than the outer one")
+    given = inp.by_pair(lambda line: (*inp.numbers(line.words, LennardJonesGromacs.numbers[:2], line), 1.0))
+    epsilon, sigma, on = fill(inp, given, 3, mix=mix_lj)
+    return [
+        LennardJonesGromacs.internal(epsilon, sigma, on * inner, on * outer),
+        CoulombGromacs.of(inp, on * inner_c, on * outer_c),
+    ]

@@ -1,0 +1,218 @@
+"""Four-point water (TIP4P): the charge of the oxygen sits on a virtual site, as with LAMMPS's ``…/tip4p/…`` styles."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+
+from ...errors import AtcError
+from ...frame import Frame
+from ...neighbors.verlet import using
+from ..constraints.virtual_sites import FrameWithSites, Places
+from ..registry import StyleInput, pair_style
+from .coulomb import cut_style
+from .coulomb_long import long_style
+from .input import named, pair_values
+from .lennard_jones import LennardJones, mix_lj
+from .pairs import Pairs
+
+
+@dataclass
+class TIP4P:
+    """The charge of the oxygen of four-point water sits on the line that halves the angle, at a distance from the
+    oxygen that is `distance` where bonds and angle are at rest: x_M = x_O + (a/2)(x_H1 + x_H2 − 2 x_O).
+
+    oxygen, hydrogen : types. a : distance / (bond length · cos(angle/2)). where : the line that says so
+
+    As in LAMMPS the hydrogens of a molecule are the atoms whose ids follow that of its oxygen.
+    """
+
+    oxygen: int
+    hydrogen: int
+    a: float
+    where: str = field(default="pair_style tip4p", compare=False)
+
+    def describe(self) -> str:
+        return f"the charge of every oxygen (type {self.oxygen}) at O + {0.5 * self.a:.6g} (OH1 + OH2)"
+
+    def places(self, frame: Frame) -> Places:
+        types, ids = frame.types, frame.ids
+        O = np.flatnonzero(types == self.oxygen)
+        n = len(frame)
+        at = np.searchsorted(ids, ids[O][:, None] + [1, 2])
+        found = np.minimum(at, max(n - 1, 0))
+        good = (at < n) & (ids[found] == ids[O][:, None] + [1, 2]) & (types[found] == self.hydrogen)
+        if not good.all():
+            bad = ids[O[np.argmin(good.all(1))]]
+            raise AtcError(
+                f"{frame.source}: atom {bad} is the oxygen of a four-point water (type {self.oxygen}, {self.where}), "
+                f"but atoms {bad + 1} and {bad + 2} are not its hydrogens (type {self.hydrogen}): their ids must "
+                "follow that of their oxygen, as in LAMMPS"
+            )
+        parents = np.concatenate([O[:, None], found], axis=1)
+        w = np.tile([1.0 - self.a, 0.5 * self.a, 0.5 * self.a], (len(O), 1))
+        return Places(parents, w, O, charged_by=True)
+
+
+class SitePairs(Pairs):
+    """Pair styles between charges of which some sit on virtual sites. A site's bonded neighbours are those of its
+    host."""
+
+    on_sites = True
+    _last = None
+
+    def prepare(self, frame):
+        if isinstance(frame, FrameWithSites) and frame.places.inside_s is None:
+            frame = self._weighted(frame)
+        with using(None):  # lists that are kept are those of the atoms
+            return super().prepare(frame)
+
+    def __getstate__(self):
+        return {**self.__dict__, "_last": None}
+
+    def _weighted(self, frame: FrameWithSites) -> Frame:
+        top, special = frame.topology, self.special
+        if top is None or special is None or special.trivial:
+            return frame
+        if top.untold:
+            raise AtcError(top.untold)
+        known = top if top.weighted is None else top.weighted
+        if not len(known.bonds):
+            return frame
+        host = frame.places.host_s
+        if self._last is None or self._last[0] is not known or not np.array_equal(self._last[1], host):
+            lists = _with_sites(*special.lists(known, frame.n_atoms)[:3], host, frame.n_atoms)
+            self._last = known, host, lists
+        start, other, apart, hints = self._last[2]
+        new = copy(top)
+        new.special = SimpleNamespace(cell=frame.cell, start=start, other=other, apart=apart, hints=hints)
+        return frame.replace(topology=new)
+
+
+def _with_sites(start, other, apart, host_s, n):
+    """Lists of special neighbours (CSR) in which a site's are its host's, and the site is one of theirs."""
+    from .special_bonds import special_hints
+
+    site = np.full(n, -1, np.int64)
+    site[host_s] = n + np.arange(len(host_s))
+    i, j = np.repeat(np.arange(n), np.diff(start)), np.asarray(other, np.int64)
+    parts = [(i, j, apart)]
+    for a, b in ((site[i], j), (i, site[j]), (site[i], site[j])):
+        some = (a >= 0) & (b >= 0)
+        parts.append((a[some], b[some], apart[some]))
+    i, j, apart = (np.concatenate(column) for column in zip(*parts))
+    order = np.lexsort((j, i))
+    total = n + len(host_s)
+    start = np.concatenate([[0], np.cumsum(np.bincount(i, minlength=total))])
+    other, apart = np.ascontiguousarray(j[order], np.int32), np.ascontiguousarray(apart[order], np.int8)
+    return start, other, apart, special_hints(start, other)
+
+
+# LAMMPS's lines
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TIP4PLine:
+    """What a pair_style line says of its water: types of atoms, bonds and angles, as words, and the distance
+    (internal)."""
+
+    oxygen: str
+    hydrogen: str
+    bond: str
+    angle: str
+    distance: float
+    where: str
+
+
+def _water(inp: StyleInput, words):
+    """(TIP4PLine, what is left of the words)"""
+    if len(words) < 6:
+        raise inp.wrong(f"{inp.command} takes otype htype btype atype qdist and one or two cutoffs")
+    distance = inp.number(words[4], "length", "qdist")
+    if not distance >= 0:
+        raise inp.error(f"{inp.command}: qdist must not be negative, got {words[4]}")
+    return TIP4PLine(*words[:4], distance, inp.where), words[5:]
+
+
+def _on_sites(style, line):
+    style.water = line
+    return style
+
+
+def _coulomb(inp: StyleInput, line, rc: float, long: bool):
+    if long:
+        return _on_sites(long_style(inp, rc), line)
+    on = np.zeros((inp.n_types + 1, inp.n_types + 1))
+    on[1:, 1:] = rc
+    return _on_sites(cut_style(inp, on if inp.wanted is None else np.where(inp.wanted, on, 0.0)), line)
+
+
+def _lj(name, long):
+    def build(inp: StyleInput):
+        line, cutoffs = _water(inp, inp.args)
+        rc, rcoul = inp.numbers(cutoffs, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
+        arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rc], mix=mix_lj)
+        coulomb = _coulomb(inp, line, rc if rcoul is None else rcoul, long)
+        return [LennardJones.internal(*arrays, shift=inp.modify.shift), coulomb]
+
+    pair_style(name)(build)
+
+
+def _alone(name, long):
+    def build(inp: StyleInput):
+        line, cutoffs = _water(inp, inp.args)
+        (rc,) = inp.numbers(cutoffs, [("cutoff", "length")])
+        named(inp)
+        return _coulomb(inp, line, rc, long)
+
+    pair_style(name)(build)
+
+
+_lj("lj/cut/tip4p/long", True)
+_lj("lj/cut/tip4p/cut", False)
+_alone("tip4p/long", True)
+_alone("tip4p/cut", False)
+
+
+@pair_style("lj/long/tip4p/long")
+def _lj_long(inp: StyleInput):
+    if len(inp.args) < 2 or inp.args[0] not in ("long", "cut", "off") or inp.args[1] not in ("long", "off"):
+        raise inp.error(
+            f"{inp.command} takes the flags long, cut or off (Lennard-Jones) and long or off (Coulomb), got "
+            f"{' '.join(inp.args[:2]) or 'nothing'}"
+        )
+    line, cutoffs = _water(inp, inp.args[2:])
+    rc, rcoul = inp.numbers(cutoffs, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
+    arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rc], mix=mix_lj)
+    out = []
+    if inp.args[0] == "long":
+        from .lj_long import long_dispersion
+
+        out = [long_dispersion(inp, *arrays)]
+    elif inp.args[0] == "cut":
+        out = [LennardJones.internal(*arrays, shift=inp.modify.shift)]
+    return [*out, _coulomb(inp, line, rc if rcoul is None else rcoul, True)] if inp.args[1] == "long" else out
+
+
+#: Which number of a coefficient line is the length of a bond, or the angle, at rest.
+_REST = {
+    "bond": {"harmonic": 1, "zero": 0, "morse": 2, "class2": 0, "gromos": 1},
+    "angle": {"harmonic": 1, "zero": 0, "charmm": 1, "cosine/squared": 1, "cosine/delta": 1, "class2": 0},
+}
+
+
+def rest(kind: str, style: str, words, where: str) -> float:
+    """Length (user's unit) or angle (degrees) at rest of a coefficient line."""
+    k = _REST[kind].get(style)
+    try:
+        return float(words[k])
+    except (TypeError, IndexError, ValueError):
+        raise AtcError(
+            f"{where}: the {'length' if kind == 'bond' else 'angle'} at rest, which places the charge of TIP4P water, "
+            f"is not known of {kind}_style {style} with the coefficients {' '.join(words) or '(none)'}: expected one "
+            f"of {', '.join(_REST[kind])}"
+        ) from None

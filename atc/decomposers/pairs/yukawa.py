@@ -1,0 +1,44 @@
+"""Yukawa pair style."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..registry import StyleInput, pair_style
+from .input import mix_distance, mix_energy, pair_values
+from .loop import pair_law
+from .radial import RadialStyle
+
+
+class Yukawa(RadialStyle):
+    """U = A e^{−κd}/d − offset for d < cutoff (LAMMPS ``yukawa``).
+
+    Parameters
+    ----------
+    A, kappa, cutoff : float for one value for all pairs of types, or symmetric (n, n) arrays for types 1..n; cutoff 0 =
+        no interaction
+    units : unit style of these numbers (A: energy·length, kappa: 1/length)
+    shift : whether offset = U(cutoff); else 0
+    n_types : number of types that single numbers stand for (default 1)
+    """
+
+    name = "yukawa"
+    numbers = (("A", {"energy": 1, "length": 1}), ("kappa", {"length": -1}), ("cutoff", "length"))
+
+    @pair_law
+    def law(d2, A, kappa):
+        d = np.sqrt(d2)
+        s = 1.0 / d
+        u = A * np.exp(-kappa * d) * s
+        return u, -u * (kappa + s) * s
+
+
+def _mix(a, b, rule):
+    return mix_energy(a[0], b[0], 1.0, 1.0, rule), mix_distance(a[1], b[1], rule)
+
+
+@pair_style("yukawa")
+def _yukawa_style(inp: StyleInput):
+    kappa, rc = inp.numbers(inp.args, [("kappa", {"length": -1}), ("cutoff", "length")])
+    A, cutoff = pair_values(inp, (Yukawa.numbers[0], Yukawa.numbers[2]), optional=1, defaults=[rc], mix=_mix)
+    return Yukawa.internal(A, np.full_like(A, kappa), cutoff, shift=inp.modify.shift)

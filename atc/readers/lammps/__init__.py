@@ -1,0 +1,1 @@
+"""What LAMMPS reads and writes: dumps of all kinds, data files, logs, molecules, grids."""
