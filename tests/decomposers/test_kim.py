@@ -87,7 +87,7 @@ def test_what_is_refused(silicon, monkeypatch):
 def test_without_the_api(monkeypatch):
     import ctypes
 
-    from atc.decomposers.many_body.of_distances import kim_api
+    from atc.decomposers.many_body import kim_api
 
     def none(name):
         raise OSError
