@@ -5,8 +5,7 @@ A style registers a *builder* under its LAMMPS name::
     @pair_style("morse")
     def _morse(inp: StyleInput): ...      # returns PairStyle or Term, or a list of them
 
-    @bond_style("harmonic")
-    def _harmonic(inp: StyleInput): ...   # returns a Term; likewise angle_style, dihedral_style, improper_style
+Bonded styles are the `build` of their classes, see `bonded.topology.register_bonded`.
 
 Builders convert to internal units themselves (`StyleInput.number`) and complain with the line's own file and number
 (`StyleInput.error`). They are called again with a larger `n_types` when a frame has more types than the lines name
@@ -18,6 +17,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -26,20 +26,10 @@ from ..errors import AtcError
 from ..readers.lammps.sections import shortened
 from ..units import Units
 
-PAIR_STYLES: dict[str, Callable] = {}
-BOND_STYLES: dict[str, Callable] = {}
-ANGLE_STYLES: dict[str, Callable] = {}
-DIHEDRAL_STYLES: dict[str, Callable] = {}
-IMPROPER_STYLES: dict[str, Callable] = {}
-
-STYLES = {
-    "pair": PAIR_STYLES, "bond": BOND_STYLES, "angle": ANGLE_STYLES, "dihedral": DIHEDRAL_STYLES,
-    "improper": IMPROPER_STYLES,
-}  # fmt: skip
-
-
+STYLES: dict[str, dict[str, Callable]] = {kind: {} for kind in ("pair", "bond", "angle", "dihedral", "improper")}
+PAIR_STYLES = STYLES["pair"]
 #: Pair styles whose one ``pair_coeff * *`` line maps atom types to elements (NULL: not this style's).
-MAPPED_STYLES = {"sw"}
+MAPPED_STYLES: set[str] = set()
 
 
 def mapped_elements(style: str, words) -> tuple[str, ...]:
@@ -65,29 +55,18 @@ def factor(units: Units, dimension: str | dict | float) -> float:
         return float(dimension)
     if isinstance(dimension, str):
         return units.factor(dimension)
-    out = 1.0
-    for name, power in dimension.items():
-        out *= units.factor(name) ** power
-    return out
+    return prod((units.factor(name) ** power for name, power in dimension.items()), start=1.0)
 
 
-def _register(kind: str):
-    def named(*names: str):
-        def keep(builder):
-            for name in names:
-                STYLES[kind][name] = builder
-            return builder
+def pair_style(*names: str, mapped: bool = False):
+    """Decorator of the builder of pair styles. mapped : whether their one line maps atom types to elements"""
 
-        return keep
+    def keep(builder):
+        PAIR_STYLES.update(dict.fromkeys(names, builder))
+        MAPPED_STYLES.update(names if mapped else ())
+        return builder
 
-    return named
-
-
-pair_style = _register("pair")
-bond_style = _register("bond")
-angle_style = _register("angle")
-dihedral_style = _register("dihedral")
-improper_style = _register("improper")
+    return keep
 
 
 @dataclass(frozen=True)
@@ -262,11 +241,6 @@ class StyleInput:
                 line,
             )
         return p
-
-    def type_values(self, wants, optional: int = 0) -> dict[int, tuple]:
-        """Bonded styles: {type: numbers} of the coefficient lines, each ``<what> ...`` as in `numbers`. Types without a
-        line are not in it."""
-        return self.by_type(lambda line: tuple(self.numbers(line.words, wants, line, optional)))
 
 
 def supported(kind: str) -> str:

@@ -178,8 +178,8 @@ def test_shares_and_bonds_of_one_bond_and_one_angle():
     # U = 2 (1 + cos θ): torque 2 closes... opens the angle; force 2/d on each outer atom, away from the other one.
     np.testing.assert_allclose(d.forces_nc[0], [0, -2.0 / 1.2, 0], atol=1e-15)
     np.testing.assert_allclose(d.forces_nc[2], [-2.0 / 0.5, 0, 0], atol=1e-15)
-    assert [(i, j) for i, j in zip(d.bonds.i, d.bonds.j, strict=True)] == [(0, 1), (2, 1), (0, 2)]
-    np.testing.assert_allclose(d.bonds.r_bc, [[1.2, 0, 0], [0, 0.5, 0], [1.2, -0.5, 0]])
+    assert [(i, j) for i, j in zip(d.bonds.i, d.bonds.j, strict=True)] == [(0, 1), (0, 2), (1, 2)]
+    np.testing.assert_allclose(d.bonds.r_bc, [[1.2, 0, 0], [1.2, -0.5, 0], [0, -0.5, 0]])
 
 
 def test_objects_equal_lines():

@@ -264,11 +264,11 @@ def test_table_too_close_is_named(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "text, says",
     [
-        ("# x\nB\nN 3\n\n1 1 1 1\n", "no section 'PAIR'|ends after 1 of 3"),
-        ("PAIR\nN 3\n\n1 1.0 1 1\n2 x 1 1\n3 3 1 1\n", "line 5"),
+        ("# x\nB\nN 3\n\n1 1 1 1\n", "no section 'PAIR'; it has B"),
+        ("PAIR\nN 3\n\n1 1.0 1 1\n2 x 1 1\n3 3 1 1\n", "t:5: .*line 2 of them"),
         ("PAIR\nN 3\n\n1 1.0 1 1\n2 0.5 1 1\n3 3 1 1\n", "increase"),
         ("PAIR\nN 3 BITMAP 1 2\n\n", "BITMAP"),
-        ("PAIR\nN\n\n", "line 2"),
+        ("PAIR\nN\n\n", "t:2: "),
         ("PAIR\n", "parameter line"),
     ],
 )

@@ -7,24 +7,11 @@ of the first atom.
 
 from __future__ import annotations
 
-import numpy as np
-
-from .angle import AngleStyle, over_sine
-from .angle_curves import deviation_over_sine, polynomial
+from .angle import AngleStyle
 from .topology import CrossTerms, degrees, energy, energy_per_length, length, per_length2, register_bonded
 
 
-class CoupledAngle(AngleStyle):
-    """Base of angles coupled to their arms. Subclasses implement `add_coupled`."""
-
-    coupled = True
-
-    def add_coupled(self, types, cos, sin, d_b, d_c, U, U_c, G_b, G_c):
-        """Fill U, dU/dcos θ and ∂U/∂d divided by d of the two arms, all (t,). Returns how many sines were clamped."""
-        raise NotImplementedError
-
-
-class Class2Angle(CrossTerms, CoupledAngle):
+class Class2Angle(CrossTerms, AngleStyle):
     """U = K2 x² + K3 x³ + K4 x⁴ + M y z + N1 y' x + N2 z' x, x = θ − θ0, y = d_1 − r1, z = d_2 − r2 (COMPASS; LAMMPS
     ``class2``).
 
@@ -40,20 +27,14 @@ class Class2Angle(CrossTerms, CoupledAngle):
         "ba": (("N1", energy_per_length), ("N2", energy_per_length), ("r1", length), ("r2", length)),
     }
 
-    def add_coupled(self, types, cos, sin, d_b, d_c, U, U_c, G_b, G_c):
-        v = self.table[types].T
-        m = len(self.main)
-        theta0, powers = v[0], v[1:m]
-        M, r1, r2, N1, N2, s1, s2 = v[m:]
-        U[:], x, slope_over_x = polynomial(np.arctan2(sin, cos), theta0, powers)
-        stretch = N1 * (d_b - s1) + N2 * (d_c - s2)
-        U += M * (d_b - r1) * (d_c - r2) + stretch * x
-        ratio, clamped = deviation_over_sine(x, theta0, cos, sin)
-        cross, coupled_clamped = over_sine(stretch, sin)
-        U_c[:] = -slope_over_x * ratio - cross
-        G_b[:] = (M * (d_c - r2) + N1 * x) / d_b
-        G_c[:] = (M * (d_b - r1) + N2 * x) / d_c
-        return max(clamped, coupled_clamped)
+    def curve(self, a, theta0, *more):
+        *powers, M, r1, r2, N1, N2, s1, s2 = more
+        x, y, z = a.theta - theta0, a.d_b - r1, a.d_c - r2
+        U, by_cos = a.polynomial(theta0, powers)
+        stretch = N1 * (a.d_b - s1) + N2 * (a.d_c - s2)
+        a.G_b = (M * z + N1 * x) / a.d_b
+        a.G_c = (M * y + N2 * x) / a.d_c
+        return U + (M * y * z + stretch * x), by_cos - a.over_sine(stretch)
 
 
 class Class2P6Angle(Class2Angle):
@@ -64,7 +45,7 @@ class Class2P6Angle(Class2Angle):
     main = (*Class2Angle.main, ("K5", energy), ("K6", energy))
 
 
-class CrossAngle(CoupledAngle):
+class CrossAngle(AngleStyle):
     """U = K_SS y z + (K_BS0 y + K_BS1 z)(θ − θ0), y = d_1 − r1, z = d_2 − r2 (LAMMPS ``cross``).
 
     Coefficients K_SS [energy/length²], K_BS0, K_BS1 [energy/length/rad], r1, r2 [length], θ0 [degrees].
@@ -76,15 +57,12 @@ class CrossAngle(CoupledAngle):
         ("r2", length), ("theta0", degrees),
     )  # fmt: skip
 
-    def add_coupled(self, types, cos, sin, d_b, d_c, U, U_c, G_b, G_c):
-        K, N1, N2, r1, r2, theta0 = self.table[types].T
-        x, y, z = np.arctan2(sin, cos) - theta0, d_b - r1, d_c - r2
-        U[:] = K * y * z + (N1 * y + N2 * z) * x
-        slope, clamped = over_sine(N1 * y + N2 * z, sin)
-        U_c[:] = -slope
-        G_b[:] = (K * z + N1 * x) / d_b
-        G_c[:] = (K * y + N2 * x) / d_c
-        return clamped
+    def curve(self, a, K, N1, N2, r1, r2, theta0):
+        x, y, z = a.theta - theta0, a.d_b - r1, a.d_c - r2
+        stretch = N1 * y + N2 * z
+        a.G_b = (K * z + N1 * x) / a.d_b
+        a.G_c = (K * y + N2 * x) / a.d_c
+        return K * y * z + stretch * x, -a.over_sine(stretch)
 
 
 register_bonded(Class2Angle, Class2P6Angle, CrossAngle)

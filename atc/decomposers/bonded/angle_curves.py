@@ -8,83 +8,20 @@ import warnings
 import numpy as np
 
 from ...errors import AtcWarning
-from .angle import AngleStyle, over_sine
+from .angle import AngleStyle
 from .bond_curves import gaussian_row, log_of_gaussians
-from .topology import RowTerm, degrees, energy, kelvin, plain, register_bonded
+from .topology import RowTerm, degrees, energy, plain, register_bonded, whole
 
 
-class CosineCurve(AngleStyle):
-    """Base of angles with a formula of cos θ. Subclasses implement `curve`."""
-
-    def curve(self, cos, sin, *columns):
-        """U and dU/dcos θ, (t,); `columns` are the coefficients of each angle."""
-        raise NotImplementedError
-
-    def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        U[:], U_c[:] = self.curve(cos, sin, *self.table[types].T)
-        return 0
-
-
-class ThetaCurve(AngleStyle):
-    """Base of angles with a formula of θ. Subclasses implement `curve`; sin θ is clamped at 0.001 as LAMMPS does, and
-    such angles are counted."""
-
-    def curve(self, theta, *columns):
-        """U and dU/dθ, (t,); `columns` are the coefficients of each angle."""
-        raise NotImplementedError
-
-    def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        U[:], slope = self.curve(np.arctan2(sin, cos), *self.table[types].T)
-        U_c[:], clamped = over_sine(-slope, sin)
-        return clamped
-
-
-class ThetaPolynomial(AngleStyle):
-    """Base of U = Σ_{n≥2} K_n x^n, x = θ − θ0, with θ0 in column `at` and K_2, K_3, .. in `powers`.
-
-    U' has the factor x: for θ0 = 0 or 180° x/sin θ has a limit there, which is taken.
-    """
-
-    at = 0
-
-    def powers(self, *columns):
-        """K_2, K_3, ... of each angle, (t,) each."""
-        return columns[1:]
-
-    def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        columns = self.table[types].T
-        U[:], x, slope_over_x = polynomial(np.arctan2(sin, cos), columns[self.at], self.powers(*columns))
-        ratio, clamped = deviation_over_sine(x, columns[self.at], cos, sin)
-        U_c[:] = -slope_over_x * ratio
-        return clamped
-
-
-def polynomial(theta, theta0, powers):
-    """U = Σ K_n x^n from n = 2, x = θ − θ0, and U'/x."""
-    x = theta - theta0
-    U = slope = 0.0
-    for n in range(len(powers) + 1, 1, -1):
-        U = U * x + powers[n - 2]
-        slope = slope * x + n * powers[n - 2]
-    return U * x * x, x, slope
-
-
-def deviation_over_sine(x, theta0, cos, sin):
-    """(θ − θ0)/sin θ, and how many were clamped: none where θ0 = 0 or 180° is the very end the angle is near."""
-    ratio, _ = over_sine(x, sin)
-    small = sin < 0.001
-    own = small & (np.abs(np.sin(theta0)) < 1e-12) & ((np.cos(theta0) < 0) == (cos < 0))
-    # x = ± asin(sin θ); the next term of the series is 3/40 sin⁴ θ.
-    ratio = np.where(own, np.where(cos < 0, -1.0, 1.0) * (1.0 + sin * sin / 6.0), ratio)
-    return ratio, int(np.count_nonzero(small & ~own))
-
-
-class QuarticAngle(ThetaPolynomial):
+class QuarticAngle(AngleStyle):
     """U = K2 x² + K3 x³ + K4 x⁴, x = θ − θ0 (LAMMPS ``quartic``). Coefficients θ0 [degrees], K2, K3, K4 [energy/rad²,
     ³, ⁴]."""
 
     name = "quartic"
     wants = (("theta0", degrees), ("K2", energy), ("K3", energy), ("K4", energy))
+
+    def curve(self, a, theta0, *powers):
+        return a.polynomial(theta0, powers)
 
 
 class MM3Angle(AngleStyle):
@@ -98,42 +35,39 @@ class MM3Angle(AngleStyle):
     name = "mm3"
     wants = (("K", energy), ("theta0", degrees))
 
-    def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        K, theta0 = self.table[types].T
-        x = np.arctan2(sin, cos) - theta0
-        U[:] = K * x * x * (1.0 + x * (-0.802141 + x * (0.183837 + x * (-0.131664 + x * 0.237090))))
-        ratio, clamped = deviation_over_sine(x, theta0, cos, sin)
-        U_c[:] = -K * (2.0 + x * (-2.406422 + x * (0.735348 + x * (-0.6478318 + x * 1.422540)))) * ratio
-        return clamped
+    def curve(self, a, K, theta0):
+        x = a.theta - theta0
+        U = K * x * x * (1.0 + x * (-0.802141 + x * (0.183837 + x * (-0.131664 + x * 0.237090))))
+        slope_over_x = K * (2.0 + x * (-2.406422 + x * (0.735348 + x * (-0.6478318 + x * 1.422540))))
+        return U, -slope_over_x * a.deviation_over_sine(x, theta0)
 
 
-class FourierAngle(CosineCurve):
+class FourierAngle(AngleStyle):
     """U = K [C0 + C1 cos θ + C2 cos 2θ] (LAMMPS ``fourier``). Coefficients K [energy], C0, C1, C2."""
 
     name = "fourier"
     wants = (("K", energy), ("C0", plain), ("C1", plain), ("C2", plain))
 
-    def curve(self, cos, sin, K, C0, C1, C2):
-        return K * (C0 + C1 * cos + C2 * (2.0 * cos * cos - 1.0)), K * (C1 + 4.0 * C2 * cos)
+    def curve(self, a, K, C0, C1, C2):
+        return K * (C0 + C1 * a.cos + C2 * (2.0 * a.cos * a.cos - 1.0)), K * (C1 + 4.0 * C2 * a.cos)
 
 
-def multiple_cosine(n, cos, sin):
+def multiple_cosine(n, a):
     """cos nθ and d(cos nθ)/dcos θ = n sin nθ/sin θ for whole n, (t,). Nothing is singular: both are polynomials in cos
     θ."""
-    theta = np.arctan2(sin, cos)
-    near = sin < 1e-4
+    theta, near, sin = a.theta, a.sin < 1e-4, a.sin
     # n² cos nθ/cos θ [1 − (n² − 1) sin²θ/3 ...] relative to cos nθ: the next term is below 1e-16 there.
     limit = (
         n
         * n
         * np.cos(n * np.rint(theta / np.pi) * np.pi)
-        / np.where(near, np.sign(cos), 1.0)
+        / np.where(near, np.sign(a.cos), 1.0)
         * (1.0 - (n * n - 1.0) * sin * sin / 6.0)
     )
     return np.cos(n * theta), np.where(near, limit, n * np.sin(n * theta) / np.where(near, 1.0, sin))
 
 
-class FourierSimpleAngle(CosineCurve):
+class FourierSimpleAngle(AngleStyle):
     """U = K [1 + c cos nθ] (LAMMPS ``fourier/simple``). Coefficients K [energy], c, n.
 
     The forces are those LAMMPS computes (22 Jul 2025, measured): n sin nθ/sin θ = n² [1 + (1 − n²)(1 − |cos θ|)/3],
@@ -145,9 +79,8 @@ class FourierSimpleAngle(CosineCurve):
     name = "fourier/simple"
     wants = (("K", energy), ("c", plain), ("n", plain))
 
-    def check(self, t):
-        n = self.table[t, 2]
-        if n not in (0.0, 1.0, 2.0) and self.table[t, 0] and self.table[t, 1]:
+    def row(self, K, c, n):
+        if n not in (0.0, 1.0, 2.0) and K and c:
             warnings.warn(
                 f"angle_style fourier/simple with n = {n:g}: LAMMPS computes forces that are not the derivative of its "
                 "energy for n other than 1 and 2; the run's forces are taken as they are, so energy is not balanced: "
@@ -155,12 +88,12 @@ class FourierSimpleAngle(CosineCurve):
                 AtcWarning,
                 stacklevel=2,
             )
-        return None
+        return K, c, n
 
-    def curve(self, cos, sin, K, c, n):
-        U = K * (1.0 + c * np.cos(n * np.arctan2(sin, cos)))
-        sign = np.where((cos < 0) & (n % 2 == 0), -1.0, 1.0)
-        return U, K * c * sign * n * n * (1.0 + (1.0 - n * n) * (1.0 - np.abs(cos)) / 3.0)
+    def curve(self, a, K, c, n):
+        U = K * (1.0 + c * np.cos(n * a.theta))
+        sign = np.where((a.cos < 0) & (n % 2 == 0), -1.0, 1.0)
+        return U, K * c * sign * n * n * (1.0 + (1.0 - n * n) * (1.0 - np.abs(a.cos)) / 3.0)
 
 
 class CosinePeriodicAngle(AngleStyle):
@@ -170,22 +103,18 @@ class CosinePeriodicAngle(AngleStyle):
     name = "cosine/periodic"
     wants = (("C", energy), ("B", plain), ("n", plain))
 
-    def check(self, t):
-        _, B, n = self.table[t]
+    def row(self, C, B, n):
         if B not in (1.0, -1.0):
-            return f"B must be 1 or -1, got {B:g}"
-        return None if n == int(n) and n >= 1 else f"n must be a whole number from 1, got {n:g}"
+            raise ValueError(f"B must be 1 or -1, got {B:g}")
+        return C, B, whole(n, "n", 1)
 
-    def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        C, B, n = self.table[types].T
-        cos_n, slope = multiple_cosine(n, cos, sin)
+    def curve(self, a, C, B, n):
+        cos_n, slope = multiple_cosine(n, a)
         sign = -B * np.where(n % 2 == 1, -1.0, 1.0)
-        U[:] = 2.0 / n**2 * C * (1.0 + sign * cos_n)
-        U_c[:] = 2.0 / n**2 * C * sign * slope
-        return 0
+        return 2.0 / n**2 * C * (1.0 + sign * cos_n), 2.0 / n**2 * C * sign * slope
 
 
-class RestrictedAngle(CosineCurve):
+class RestrictedAngle(AngleStyle):
     """U = K (cos θ − cos θ0)²/sin² θ (MARTINI's restricted bending; LAMMPS ``cosine/squared/restricted``). Coefficients
     K [energy], θ0 [degrees].
 
@@ -195,8 +124,8 @@ class RestrictedAngle(CosineCurve):
     name = "cosine/squared/restricted"
     wants = (("K", energy), ("theta0", degrees))
 
-    def curve(self, cos, sin, K, theta0):
-        return restricted(cos, sin, K, np.cos(theta0))
+    def curve(self, a, K, theta0):
+        return restricted(a.cos, a.sin, K, np.cos(theta0))
 
 
 def restricted(cos, sin, K, cos0):
@@ -212,7 +141,7 @@ def restricted(cos, sin, K, cos0):
     return tuple(np.where(end, a, b) for a, b in zip(at_end, general, strict=True))
 
 
-class WormLikeAngle(CosineCurve):
+class WormLikeAngle(AngleStyle):
     """U = −k_B T ln[(q1 + q2)/(1 + exp(−μ/k_B T))], q1 = exp[−k1 (1 + cos θ)/k_B T], q2 = exp[−(μ + k2 (1 + cos θ))/k_B
     T] (LAMMPS ``mwlc``).
 
@@ -221,37 +150,31 @@ class WormLikeAngle(CosineCurve):
     """
 
     name = "mwlc"
-    wants = (("k1", energy), ("k2", energy), ("mu", energy), ("T", kelvin))
+    wants = (("k1", energy), ("k2", energy), ("mu", energy), ("T", plain))
 
-    def check(self, t):
-        return None if self.table[t, 3] > 0 else "T must be positive"
+    def row(self, k1, k2, mu, T):
+        if not T > 0:
+            raise ValueError("T must be positive")
+        return k1, k2, mu, self.units.boltzmann * T
 
-    def curve(self, cos, sin, k1, k2, mu, kT):
-        stiff, melted = -k1 * (1.0 + cos) / kT, -(mu + k2 * (1.0 + cos)) / kT
+    def curve(self, a, k1, k2, mu, kT):
+        stiff, melted = -k1 * (1.0 + a.cos) / kT, -(mu + k2 * (1.0 + a.cos)) / kT
         log_q = np.logaddexp(stiff, melted)
         p = np.exp(stiff - log_q)
         return -kT * (log_q - np.logaddexp(0.0, -mu / kT)), p * k1 + (1.0 - p) * k2
 
 
-class CosineShiftAngle(ThetaCurve):
+class CosineShiftAngle(AngleStyle):
     """U = −½ U_min [1 + cos(θ − θ0)] (LAMMPS ``cosine/shift``). Coefficients U_min [energy], θ0 [degrees]."""
 
     name = "cosine/shift"
     wants = (("U_min", energy), ("theta0", degrees))
 
-    def exponent(self, columns):
-        """a of `cosine/shift/exp`: 0 here."""
-        return 0.0
-
-    def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        depth, theta0 = self.table[types, 0], self.table[types, 1]
+    def curve(self, a, depth, theta0, exponent=0.0):
         # c = cos(θ − θ0): its derivative with respect to cos θ is cos θ0 − sin θ0 cos θ/sin θ.
         s0 = np.where(np.abs(np.sin(theta0)) < 1e-12, 0.0, np.sin(theta0))
-        c = np.cos(theta0) * cos + s0 * sin
-        U[:], slope = shift_exp(c, depth, self.exponent(self.table[types]))
-        ratio, _ = over_sine(s0 * cos, sin)
-        U_c[:] = slope * (np.cos(theta0) - ratio)
-        return int(np.count_nonzero((sin < 0.001) & (s0 != 0.0)))
+        U, slope = shift_exp(np.cos(theta0) * a.cos + s0 * a.sin, depth, exponent)
+        return U, slope * (np.cos(theta0) - a.over_sine(s0 * a.cos))
 
 
 def shift_exp(c, depth, a):
@@ -273,11 +196,8 @@ class CosineShiftExpAngle(CosineShiftAngle):
     name = "cosine/shift/exp"
     wants = (*CosineShiftAngle.wants, ("a", plain))
 
-    def exponent(self, columns):
-        return columns[:, 2]
 
-
-class GaussianAngle(RowTerm, ThetaCurve):
+class GaussianAngle(RowTerm, AngleStyle):
     """U = −k_B T ln Σ_i A_i/(w_i √(π/2)) exp(−2 (θ − θ_i)²/w_i²), θ in radians (LAMMPS ``gaussian``, as it computes:
     its manual lacks the 2).
 
@@ -288,11 +208,12 @@ class GaussianAngle(RowTerm, ThetaCurve):
     filling = (0.0, 1.0, 0.0)
 
     @classmethod
-    def row(cls, numbers, u):
-        return gaussian_row(numbers, kelvin(u), 1.0, degrees(u), "theta")
+    def scaled(cls, numbers, u):
+        return gaussian_row(numbers, u.boltzmann, 1.0, degrees, "theta")
 
-    def curve(self, theta, kT, *terms):
-        return log_of_gaussians(theta, kT, np.stack(terms, axis=1).reshape(len(theta), -1, 3))
+    def curve(self, a, kT, *terms):
+        U, slope = log_of_gaussians(a.theta, kT, np.stack(terms, axis=1).reshape(len(kT), -1, 3))
+        return U, a.over_sine(-slope)
 
 
 register_bonded(QuarticAngle, MM3Angle, FourierAngle, FourierSimpleAngle, CosinePeriodicAngle, RestrictedAngle)

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..registry import angle_style
+from ..registry import STYLES
 from .angle import HarmonicAngle
-from .bond import _BondWork
+from .bond import lengths
 from .bond_pairwise import OwnPairs
-from .topology import HybridWork, degrees, energy, first_true
+from .cluster import ClusterWork, first_not_finite
+from .topology import HybridWork
 
 
 class SpicaAngle(HarmonicAngle):
@@ -21,7 +22,6 @@ class SpicaAngle(HarmonicAngle):
     """
 
     name = "spica"
-    wants = (("K", energy), ("theta0", degrees))
 
     def __init__(self, coeffs, *, units="metal", partition="equal", pairs=None):
         super().__init__(coeffs, units=units, partition=partition)
@@ -33,33 +33,41 @@ class SpicaAngle(HarmonicAngle):
     def prepare(self, frame):
         return HybridWork([super().prepare(frame), _Repulsion(self, frame)])
 
-    def refuse(self, t, d):
-        return "where the repulsion of an angle's outer atoms is infinite: they are at the same place"
+    def complaint(self, frame, atoms_k, kind, x_kc):
+        if (x_kc[0] == x_kc[2]).all():
+            ids = ", ".join(str(i) for i in frame.ids[atoms_k])
+            return f"the outer atoms of the angle {ids} are at the same place, where their repulsion is infinite"
+        return super().complaint(frame, atoms_k, kind, x_kc)
+
+    @classmethod
+    def build(cls, inp):
+        if not any(s.name == "lj/spica" for s in getattr(inp.pairs, "styles", ())):
+            raise inp.error(
+                f"{inp.command} adds the repulsion of pair_style lj/spica (lj/sdk) between its outer atoms, which is "
+                "not there: give it first"
+            )
+        term = super().build(inp)
+        term.pairs = inp.pairs
+        return term
 
 
-class _Repulsion(_BondWork):
-    """The outer atoms of all angles, as bonds."""
+class _Repulsion(ClusterWork):
+    """The outer atoms of all angles."""
 
     def __init__(self, term: SpicaAngle, frame):
         super().__init__(term, frame)
-        self.apex = self.j
-        self.j = np.ascontiguousarray(term.terms_of(frame)[0][:, 2])
         own = OwnPairs(term.pairs, frame)
+        self.weights = np.array([0.5, 0.0, 0.5])
         self.atom_types = own.types
         self.style = next((s for s, _ in own.styles if s.name == "lj/spica"), None)
 
-    def vectors(self, here, r):
-        # By way of the apex, as the angle has it.
-        to_apex = np.empty_like(r)
-        self.images.vectors_to(self.frame.positions, self.i[here], self.apex[here], r)
-        self.images.vectors_to(self.frame.positions, self.j[here], self.apex[here], to_apex)
-        r -= to_apex
-
-    def add(self, i, j, types, d, U, G):
-        if self.style is None or not len(d):
-            return -1, 0
+    def evaluate(self, atoms, x, types, U, G, acc):
+        U[:] = G[:] = 0.0
+        if self.style is None or not len(U):
+            return -1
+        d = lengths(x)
         # cutoff², σ, A, n, B, m of U = A (σ/d)^n − B (σ/d)^m.
-        _, sigma, A, n, B, m = self.style.table[self.atom_types[i], self.atom_types[j]].T[:6]
+        _, sigma, A, n, B, m = self.style.table[self.atom_types[atoms[:, 0]], self.atom_types[atoms[:, 2]]].T[:6]
         on = (A > 0) & (B > 0)
         n, m, A, B = (np.where(on, v, w) for v, w in ((n, 2.0), (m, 1.0), (A, 1.0), (B, 1.0)))
         # At the minimum, −ε, n A x^n = m B x^m.
@@ -68,18 +76,8 @@ class _Repulsion(_BondWork):
             x = sigma / d
             near = on & (x > x_min)
             U[:] = np.where(near, A * x**n - B * x**m - (A * x_min**n - B * x_min**m), 0.0)
-            G[:] = np.where(near, (m * B * x**m - n * A * x**n) / d**2, 0.0)
-        return first_true(~np.isfinite(U + G)), 0
+            G[:, 1] = np.where(near, (m * B * x**m - n * A * x**n) / d**2, 0.0)
+        return first_not_finite(U, G)
 
 
-@angle_style("spica", "sdk")
-def _spica(inp):
-    inp.no_arguments()
-    if not any(s.name == "lj/spica" for s in getattr(inp.pairs, "styles", ())):
-        raise inp.error(
-            f"{inp.command} adds the repulsion of pair_style lj/spica (lj/sdk) between its outer atoms, which is not "
-            "there: give it first"
-        )
-    term = SpicaAngle._from_input(inp.type_values(SpicaAngle.wanted(inp.units)), inp)
-    term.pairs = inp.pairs
-    return term
+STYLES["angle"].update(spica=SpicaAngle.build, sdk=SpicaAngle.build)

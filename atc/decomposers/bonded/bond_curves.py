@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .bond import FENE_NOTE, BondStyle, overstretched
+from .bond import BondStyle, FeneBond, overstretched
 from .topology import (
     RowTerm,
     energy,
-    kelvin,
     length,
     per_length2,
     per_length3,
@@ -22,34 +21,7 @@ from .topology import (
 _MM3 = 2.55  # 1/Å
 
 
-class CurveBond(BondStyle):
-    """Base of bonds with a formula. Subclasses implement `curve`; coefficients and units as `BondedTerm`."""
-
-    #: whether there are lengths without an energy, see `refuse`
-    bounded = False
-
-    def curve(self, d, *columns):
-        """U and dU/dd of bonds of lengths d, all (b,); `columns` are the coefficients of each bond. NaN where the bond
-        has no energy."""
-        raise NotImplementedError
-
-    def add(self, types, d, U, G):
-        u, slope = self.curve(d, *self.table[types].T)
-        if self.bounded:
-            bad = np.isnan(u)
-            if bad.any():
-                return int(np.argmax(bad)), 0
-        U[:] = u
-        # A bond of length 0 has no direction: G multiplies a zero vector.
-        np.divide(slope, d, out=G, where=d > 0)
-        return -1, self.count(d, types)
-
-    def count(self, d, types) -> int:
-        """How many bonds are worth the note."""
-        return 0
-
-
-class Class2Bond(CurveBond):
+class Class2Bond(BondStyle):
     """U = K2 x² + K3 x³ + K4 x⁴, x = d − r0 (COMPASS; LAMMPS ``class2``). Coefficients r0 [length], K2, K3, K4
     [energy/length², ³, ⁴]."""
 
@@ -61,7 +33,7 @@ class Class2Bond(CurveBond):
         return x * x * (K2 + x * (K3 + x * K4)), x * (2.0 * K2 + x * (3.0 * K3 + x * 4.0 * K4))
 
 
-class GromosBond(CurveBond):
+class GromosBond(BondStyle):
     """U = K (d² − r0²)² (LAMMPS ``gromos``: the factor ¼ is in K). Coefficients K [energy/length⁴], r0 [length]."""
 
     name = "gromos"
@@ -72,16 +44,17 @@ class GromosBond(CurveBond):
         return K * x * x, 4.0 * K * d * x
 
 
-class NonlinearBond(CurveBond):
+class NonlinearBond(BondStyle):
     """U = ε x²/(λ² − x²), x = d − r0 (LAMMPS ``nonlinear``). Coefficients ε [energy], r0, λ [length]. A bond with |x| ≥
     λ is an error."""
 
     name = "nonlinear"
     wants = (("epsilon", energy), ("r0", length), ("lambda", length))
-    bounded = True
 
-    def check(self, t):
-        return None if self.table[t, 2] > 0 else f"lambda must be positive, got {self.table[t, 2]}"
+    def row(self, epsilon, r0, reach):
+        if not reach > 0:
+            raise ValueError(f"lambda must be positive, got {reach}")
+        return epsilon, r0, reach
 
     def curve(self, d, epsilon, r0, reach):
         x = d - r0
@@ -96,15 +69,17 @@ class NonlinearBond(CurveBond):
         )
 
 
-class HarmonicShiftBond(CurveBond):
+class HarmonicShiftBond(BondStyle):
     """U = U_min [x² − (r_c − r0)²]/(r0 − r_c)², x = d − r0 (LAMMPS ``harmonic/shift``). Coefficients U_min [energy],
     r0, r_c [length]."""
 
     name = "harmonic/shift"
     wants = (("U_min", energy), ("r0", length), ("r_c", length))
 
-    def check(self, t):
-        return None if self.table[t, 1] != self.table[t, 2] else "r0 and r_c must differ"
+    def row(self, depth, r0, rc):
+        if r0 == rc:
+            raise ValueError("r0 and r_c must differ")
+        return depth, r0, rc
 
     def curve(self, d, depth, r0, rc):
         k, x = depth / (r0 - rc) ** 2, d - r0
@@ -122,7 +97,7 @@ class HarmonicShiftCutBond(HarmonicShiftBond):
         return np.where(inside, U, 0.0), np.where(inside, slope, 0.0)
 
 
-class MM3Bond(CurveBond):
+class MM3Bond(BondStyle):
     """U = K x² [1 − 2.55 x + (7/12)·2.55² x²], x = d − r0 in Å (LAMMPS ``mm3``). Coefficients K [energy/length²], r0
     [length]."""
 
@@ -136,7 +111,7 @@ class MM3Bond(CurveBond):
         return K * x * x * (1.0 + x * (c3 + x * c4)), K * x * (2.0 + x * (3.0 * c3 + x * 4.0 * c4))
 
 
-class FeneNMBond(CurveBond):
+class FeneNMBond(BondStyle):
     """U = −½ K R0² ln[1 − (d/R0)²] + (E0/(n − m) [m (r0/d)ⁿ − n (r0/d)ᵐ] for d < r0) (LAMMPS ``fene/nm``).
 
     Coefficients K [energy/length²], R0 [length], E0 [energy], r0 [length], n, m. As in LAMMPS nothing is added where
@@ -146,12 +121,14 @@ class FeneNMBond(CurveBond):
 
     name = "fene/nm"
     wants = (("K", per_length2), ("R0", length), ("E0", energy), ("r0", length), ("n", plain), ("m", plain))
-    bounded = True
+    noted = FeneBond.noted
 
-    def check(self, t):
-        if not self.table[t, 1] > 0:
-            return f"R0 must be positive, got {self.table[t, 1]}"
-        return None if self.table[t, 4] != self.table[t, 5] else "n and m must differ"
+    def row(self, K, R0, E0, r0, n, m):
+        if not R0 > 0:
+            raise ValueError(f"R0 must be positive, got {R0}")
+        if n == m:
+            raise ValueError("n and m must differ")
+        return K, R0, E0, r0, n, m
 
     def curve(self, d, K, R0, E0, r0, n, m):
         q = 1.0 - (d / R0) ** 2
@@ -162,11 +139,8 @@ class FeneNMBond(CurveBond):
         U = -0.5 * K * R0**2 * np.log(q) + p * (m * s**n - n * s**m)
         return U, K * d / q - p * n * m * (s**n - s**m) / np.where(d > 0, d, 1.0)
 
-    def count(self, d, types):
-        return int(np.count_nonzero(1.0 - (d / self.table[types, 1]) ** 2 < 0.1))
-
-    def note(self):
-        return FENE_NOTE
+    def count(self, types, d):
+        return np.count_nonzero(1.0 - (d / self.table[types, 1]) ** 2 < 0.1)
 
     def refuse(self, t, d):
         return overstretched(d, self.table[t, 1])
@@ -201,7 +175,7 @@ def gaussian_row(v, kB, size_A_w, size_x, what):
     return (v[0] * kB, *np.column_stack([A * size_A_w, w * size_A_w, x * size_x]).ravel())
 
 
-class GaussianBond(RowTerm, CurveBond):
+class GaussianBond(RowTerm, BondStyle):
     """U = −k_B T ln Σ_i A_i/(w_i √(π/2)) exp(−2 (d − r_i)²/w_i²) (LAMMPS ``gaussian``, as it computes: its manual lacks
     the 2).
 
@@ -212,8 +186,8 @@ class GaussianBond(RowTerm, CurveBond):
     filling = (0.0, 1.0, 0.0)
 
     @classmethod
-    def row(cls, numbers, u):
-        return gaussian_row(numbers, kelvin(u), u.length, u.length, "r")
+    def scaled(cls, numbers, u):
+        return gaussian_row(numbers, u.boltzmann, u.length, u.length, "r")
 
     def curve(self, d, kT, *terms):
         return log_of_gaussians(d, kT, np.stack(terms, axis=1).reshape(len(d), -1, 3))

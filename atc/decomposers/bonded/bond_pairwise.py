@@ -10,8 +10,9 @@ import numpy as np
 from ...errors import AtcWarning
 from ...frame import Frame
 from ..pairs.pairs import ONES, Pairs, PairStyle
-from .bond import BondStyle, _BondWork
-from .topology import energy, first_true, length, per_length4, plain, register_bonded
+from .bond import BondStyle, lengths
+from .cluster import ClusterWork, first_not_finite
+from .topology import energy, length, per_length4, plain, register_bonded
 
 
 class OwnPairs:
@@ -49,16 +50,16 @@ class PairedBond(BondStyle):
         super().__init__(coeffs, units=units)
         self.pairs = pairs
 
-    def add_with_pairs(self, own: OwnPairs, i, j, types, d, U, G):
-        """As `BondStyle.add`."""
+    def with_pairs(self, own: OwnPairs, i, j, types, d):
+        """U and G of bonds of lengths d, all (b,)."""
         raise NotImplementedError
 
     def prepare(self, frame):
         return _PairedWork(self, frame)
 
     @classmethod
-    def _build(cls, inp):
-        self = super()._build(inp)
+    def build(cls, inp):
+        self = super().build(inp)
         self.pairs = inp.pairs
         self.check_pairs(inp)
         return self
@@ -67,13 +68,16 @@ class PairedBond(BondStyle):
         """Whether pair and special_bonds settings are those the style needs, or an error."""
 
 
-class _PairedWork(_BondWork):
+class _PairedWork(ClusterWork):
     def __init__(self, term: PairedBond, frame: Frame):
         super().__init__(term, frame)
         self.own = OwnPairs(term.pairs, frame)
 
-    def add(self, i, j, types, d, U, G):
-        return self.term.add_with_pairs(self.own, i, j, types, d, U, G)
+    def evaluate(self, atoms, x, types, U, G, acc):
+        d = lengths(x)
+        U[:], G[:, 0] = self.term.with_pairs(self.own, *atoms.T, types, d)
+        acc.note(self.term.noted, self.term.count(types, d))
+        return first_not_finite(U, G)
 
 
 class QuarticBond(PairedBond):
@@ -91,6 +95,10 @@ class QuarticBond(PairedBond):
 
     name = "quartic"
     wants = (("K", per_length4), ("B1", length), ("B2", length), ("R_c", length), ("U0", energy))
+    noted = (
+        "quartic bonds longer than their cutoff: broken, without a force (bonds that broke earlier and are short again "
+        "are not known)"
+    )
 
     def check_pairs(self, inp):
         special = getattr(inp.pairs, "special", None)
@@ -101,33 +109,27 @@ class QuarticBond(PairedBond):
                 "away itself"
             )
 
-    def add_with_pairs(self, own, i, j, types, d, U, G):
-        holds = d <= self.table[types, 3]
+    def count(self, types, d):
+        return np.count_nonzero(d > self.table[types, 3])
+
+    def with_pairs(self, own, i, j, types, d):
+        U, G, holds = np.zeros(len(d)), np.zeros(len(d)), d <= self.table[types, 3]
         i, j, d, types = i[holds], j[holds], d[holds], types[holds]
         K, B1, B2, Rc, U0 = self.table[types].T
         y = d - Rc
         p, q = y - B1, y - B2
         u = K * y * y * p * q + U0
         slope = K * y * (2.0 * p * q + y * (p + q))
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # said by `complaint`
             s6 = np.where(d < 2.0 ** (1 / 6) * self.units.length, (self.units.length / d) ** 6, 0.0)
             u += self.units.energy * np.where(s6 > 0, 4.0 * s6 * (s6 - 1.0) + 1.0, 0.0)
             slope -= self.units.energy * 48.0 * s6 * (s6 - 0.5) / d
-        if not np.isfinite(u).all():
-            return int(np.flatnonzero(holds)[np.argmin(np.isfinite(u))]), 0
-        pair_U, pair_G = own.of(i, j, d)
-        U[holds] = u - pair_U
-        G[holds] = slope / d - pair_G
-        return -1, int(len(holds) - np.count_nonzero(holds))
+            pair_U, pair_G = own.of(i, j, d)
+            U[holds], G[holds] = u - pair_U, slope / d - pair_G
+        return U, G
 
     def refuse(self, t, d):
         return "where its repulsion is infinite: two bonded atoms are at the same place"
-
-    def note(self):
-        return (
-            "quartic bonds longer than their cutoff: broken, without a force (bonds that broke earlier and are short "
-            "again are not known)"
-        )
 
 
 class SpecialBond(PairedBond):
@@ -144,8 +146,10 @@ class SpecialBond(PairedBond):
     name = "special"
     wants = (("w1", plain), ("w2", plain))
 
-    def check(self, t):
-        return None if ((self.table[t] >= 0) & (self.table[t] <= 1)).all() else "the weights must be between 0 and 1"
+    def row(self, w1, w2):
+        if not (0 <= w1 <= 1 and 0 <= w2 <= 1):
+            raise ValueError("the weights must be between 0 and 1")
+        return w1, w2
 
     def check_pairs(self, inp):
         special = getattr(inp.pairs, "special", None)
@@ -172,10 +176,9 @@ class SpecialBond(PairedBond):
                 "bond_style special is not supported with coul/dsf and coul/wolf, which count excluded pairs in part"
             )
 
-    def add_with_pairs(self, own, i, j, types, d, U, G):
+    def with_pairs(self, own, i, j, types, d):
         w = self.table[types]
-        U[:], G[:] = own.of(i, j, d, np.ascontiguousarray(w[:, 1]), np.ascontiguousarray(w[:, 0]))
-        return first_true(~np.isfinite(U + G)), 0
+        return own.of(i, j, d, np.ascontiguousarray(w[:, 1]), np.ascontiguousarray(w[:, 0]))
 
     def refuse(self, t, d):
         return "where the pair interaction is not finite"

@@ -16,10 +16,8 @@ import numpy as np
 
 from ...bonds import Bonds
 from ...errors import AtcError
-from ..base import Accumulator, Term, Work
-from .cluster import ClusterWork
-
-_PER_TASK = 2048
+from ..base import Accumulator, Work
+from .cluster import TERMS_PER_TASK, ClusterTerm, ClusterWork
 
 
 def torsion_angle(x_mkc, k=(0, 1, 2, 3)):
@@ -35,15 +33,18 @@ def torsion_angle(x_mkc, k=(0, 1, 2, 3)):
     return phi, np.stack([dF, dG - dF, -dG - dH, dH], axis=1)
 
 
-class AcrossTerm(Term):
+class AcrossTerm(ClusterTerm):
     """Listed terms of K atoms, a fraction 1/K of the energy each atom's; subclasses give energy and gradients.
 
     `terms_of(frame)` : (m, K) atoms, (m,) types
     """
 
     central, edges = False, True
-    bodies: int
     name = ""
+
+    @property
+    def weights(self):
+        return np.full(self.bodies, 1.0 / self.bodies)
 
     def describe(self) -> str:
         return (
@@ -61,9 +62,9 @@ class AcrossTerm(Term):
 
 class _AcrossWork(ClusterWork):
     def run(self, stage, task, acc: Accumulator):
-        part = slice(task * _PER_TASK, (task + 1) * _PER_TASK)
+        part = slice(task * TERMS_PER_TASK, (task + 1) * TERMS_PER_TASK)
         atoms, types = self.atoms[part], self.types[part]
-        x = self._positions(atoms)
+        x = self.positions(atoms)
         with np.errstate(all="ignore"):
             U, g = self.term.gradients(x, types)
         bad = ~(np.isfinite(U) & np.isfinite(g).all(axis=(1, 2)))

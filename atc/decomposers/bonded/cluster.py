@@ -5,17 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...bonds import Bonds
 from ...compiled import njit
 from ...errors import AtcError
 from ...frame import Frame
 from ..base import Accumulator, Term, Work
 from ..images import Images
-from .topology import first_true
+from ..many_body.neighbor_work import made, room, shares
 
-_TERMS_PER_TASK = 2048
-_NOTHING = np.zeros(0)
-_NO_D = np.zeros((0, 2, 3))
+TERMS_PER_TASK = 2048
 
 
 def weights_of(partition, k: int, names: dict, what: str) -> tuple[np.ndarray, str]:
@@ -24,19 +21,23 @@ def weights_of(partition, k: int, names: dict, what: str) -> tuple[np.ndarray, s
     partition : "equal" (1/K each), one of `names` = {name: (weights, words)}, or K numbers that add up to 1
     """
     if isinstance(partition, str):
-        if partition == "equal":
-            return np.full(k, 1.0 / k), f"energy shared 1/{k} to each atom"
-        if partition in names:
-            w, words = names[partition]
-            return np.array(w, float), words
-        raise AtcError(
-            f"{what}: partition {partition!r}: expected one of {', '.join(map(repr, ('equal', *names)))}, or {k} "
-            "numbers that add up to 1"
-        )
+        known = {"equal": ((1.0 / k,) * k, f"energy shared 1/{k} to each atom"), **names}
+        if partition not in known:
+            raise AtcError(
+                f"{what}: partition {partition!r}: expected one of {', '.join(map(repr, known))}, or {k} numbers that "
+                "add up to 1"
+            )
+        w, words = known[partition]
+        return np.array(w, float), words
     w = np.array(partition, float)
     if w.shape != (k,) or not abs(w.sum() - 1.0) <= 1e-12:
         raise AtcError(f"{what}: a partition is {k} numbers that add up to 1, got {partition!r}")
     return w, "energy shared " + " : ".join(f"{v:.6g}" for v in w) + " among its atoms"
+
+
+def first_true(bad_t) -> int:
+    """The number of the first that is true, −1 if none is."""
+    return int(np.argmax(bad_t)) if bad_t.any() else -1
 
 
 def first_not_finite(U, G) -> int:
@@ -52,6 +53,8 @@ class ClusterTerm(Term):
 
     bodies: int
     weights: np.ndarray
+    #: the atom of a tuple that the positions of the others are relative to
+    origin = 0
 
     def terms_of(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """(m, K) int32 indices of atoms and (m,) int32 types."""
@@ -61,9 +64,17 @@ class ClusterTerm(Term):
         """Fill U (m,) and G (m, K(K−1)/2), pairs ordered 12, 13, .., 1K, 23, ..; return the first tuple without a
         finite answer, or −1.
 
-        x_tkc : (m, K, 3) positions of each tuple's atoms relative to its first
+        x_tkc : (m, K, 3) positions of each tuple's atoms relative to its `origin`
         """
         raise NotImplementedError
+
+    def complaint(self, frame: Frame, atoms_k, kind: int, x_kc) -> str:
+        """What to say of a tuple of type `kind` without a finite answer."""
+        names = ", ".join(str(i) for i in frame.ids[atoms_k])
+        return (
+            f"{self.describe().split(',')[0]} of the atoms {names} has no finite energy and forces: are two of them at "
+            "the same place?"
+        )
 
     def prepare(self, frame: Frame) -> Work:
         return ClusterWork(self, frame)
@@ -76,38 +87,30 @@ class ClusterWork(Work):
         self.term, self.frame = term, frame
         self.atoms, self.types = term.terms_of(frame)
         self.images = Images(frame.cell)
-        self.stages = (-(-len(self.atoms) // _TERMS_PER_TASK),)
+        self.weights = term.weights
+        self.stages = (-(-len(self.atoms) // TERMS_PER_TASK),)
 
     def run(self, stage, task, acc: Accumulator):
-        part = slice(task * _TERMS_PER_TASK, (task + 1) * _TERMS_PER_TASK)
+        part = slice(task * TERMS_PER_TASK, (task + 1) * TERMS_PER_TASK)
         atoms, types = self.atoms[part], self.types[part]
-        k = self.term.bodies
-        x = self._positions(atoms)
-        U = np.empty(len(atoms))
-        G = np.empty((len(atoms), k * (k - 1) // 2))
+        n, k = atoms.shape
+        x = self.positions(atoms)
+        U, G = np.empty(n), np.empty((n, k * (k - 1) // 2))
         bad = self.evaluate(atoms, x, types, U, G, acc)
         if bad >= 0:
-            names = ", ".join(str(i) for i in self.frame.ids[atoms[bad]])
-            raise AtcError(
-                f"{self.frame.source}: {self.term.describe().split(',')[0]} of the atoms {names} has no finite energy "
-                "and forces: are two of them at the same place?"
-            )
+            why = self.term.complaint(self.frame, atoms[bad], int(types[bad]), x[bad])
+            raise AtcError(f"{self.frame.source}: {why}")
         acc.energy += float(U.sum())
-        ws = acc.ws
-        while ws.capacity < G.size:
-            ws.grow()
-        D = np.empty((G.size, 2, 3)) if acc.sources else _NO_D
-        energies = acc.energies if acc.energies is not None else _NOTHING
-        m = _cluster_bonds(atoms, x, U, G, self.term.weights, ws.i, ws.j, ws.r, ws.G, D, energies)
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], D[:m] if acc.sources else None)
+        out = room(acc, G.size)
+        return made(acc, out, cluster_bonds(atoms, x, U, G, self.weights, *out, shares(acc)))
 
     def evaluate(self, atoms, x, types, U, G, acc) -> int:
         """As `ClusterTerm.evaluate`, for works that need to know the atoms."""
         return self.term.evaluate(x, types, U, G, acc)
 
-    def _positions(self, atoms) -> np.ndarray:
-        """(m, K, 3) relative to each tuple's first atom; every atom at the image closest to the one before it, as
-        LAMMPS does for bonded terms."""
+    def positions(self, atoms) -> np.ndarray:
+        """(m, K, 3) relative to each tuple's `origin`; every atom at the image closest to the one before it, as LAMMPS
+        does for bonded terms."""
         x = np.zeros((*atoms.shape, 3))
         step = np.empty((len(atoms), 3))
         for k in range(1, atoms.shape[1]):
@@ -115,11 +118,13 @@ class ClusterWork(Work):
                 self.frame.positions, np.ascontiguousarray(atoms[:, k]), np.ascontiguousarray(atoms[:, k - 1]), step
             )
             x[:, k] = x[:, k - 1] + step
+            if k == self.term.origin:
+                x[:, : k + 1] -= x[:, k : k + 1].copy()
         return x
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cluster_bonds(atoms, x, U, G, weights, out_i, out_j, out_r, out_G, out_D, energies):
+def cluster_bonds(atoms, x, U, G, weights, out_i, out_j, out_r, out_G, out_D, energies):
     """Bonds of K-body terms with fixed shares w_p: D between p and q is ∂U^(p)/∂x_q = w_p ∂U/∂x_q, and the same with p
     and q exchanged."""
     k = atoms.shape[1]

@@ -14,18 +14,14 @@ clamps the sine, in styles of its own choosing.)
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...compiled import njit
 from ...errors import AtcError
-from ...units import Units
-from ...units import units as system
 from ..base import Accumulator
-from ..registry import dihedral_style
-from .cluster import ClusterTerm, weights_of
-from .topology import BondedTerm, energy, plain, register_bonded
+from .topology import MirrorError, RowTerm, SharedTerm, energy, plain, register_bonded
 from .topology import whole as _whole
 
 #: sin θ below which the collinear continuation holds
@@ -37,72 +33,24 @@ _MIRROR = (
 )
 
 
-class MirrorError(ValueError):
-    """Coefficients that are understood, of a term that is not a function of distances: refused where a frame uses
-    them."""
-
-
-class FourAtoms(BondedTerm, ClusterTerm):
-    """What torsions and impropers share: four atoms, coefficients by type, a partition of the energy.
-
-    Parameters
-    ----------
-    coeffs : {type: numbers of LAMMPS's coefficient line}, in `units`; a bare tuple is type 1
-    units : unit style of the numbers; the default has eV and Å
-    partition : how a term's energy is shared among its atoms: "equal" (a quarter each, as LAMMPS), "inner" (half to
-        each of atoms 2 and 3), or
-        four numbers that add up to 1. Stress and total energy do not depend on it; heat flux and churning do.
-    """
+class FourAtoms(SharedTerm):
+    """What torsions and impropers share. Parameters: see `SharedTerm`; partition "inner": half to each of atoms 2 and
+    3."""
 
     bodies = 4
-    weights = np.full(4, 0.25)
-    shared = "energy shared 1/4 to each atom"
-
-    def __init__(self, coeffs: Mapping | Sequence, *, units: str | Units = "metal", partition="equal"):
-        super().__init__(coeffs, units=units)
-        self.share(partition)
-
-    @property
-    def part_name(self) -> str:
-        return self.kind
+    shares = _INNER
 
     @property
     def partitions(self) -> Mapping[str, str]:
         # Which atom of an improper is its centre is each model's own convention.
         return {"equal": "equal", "center": "inner"} if self.kind == "dihedral" else {"equal": "equal"}
 
-    def share(self, partition):
-        self.weights, self.shared = weights_of(partition, 4, _INNER, f"{self.kind} {self.name}")
-
-    def describe(self) -> str:
-        return f"{self.kind} {self.name}, {self.shared}"
-
 
 class Torsion(FourAtoms):
-    """Base of the torsion styles: U = Σ_n a_n cos nφ. Subclasses implement `series`. See `FourAtoms` for the
-    parameters."""
+    """Base of the torsion styles: U = Σ_n a_n cos nφ, the a_n (internal energy units) the `row` of a type. See
+    `FourAtoms` for the parameters."""
 
     kind = "dihedral"
-
-    def series(self, *numbers) -> np.ndarray:
-        """a_0, a_1, .. (internal energy units) from the numbers of a coefficient line. Raises ValueError with what is
-        wrong."""
-        raise NotImplementedError
-
-    def _set(self, values: Mapping, where: str = ""):
-        self.covered = frozenset(values)
-        rows, refused = {}, {}
-        for t, v in values.items():
-            try:
-                rows[t] = np.atleast_1d(self.series(*v))
-            except MirrorError as e:
-                refused[t] = str(e)
-            except ValueError as e:
-                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {e}") from None
-        self.keep_refusals(refused, where)
-        self.table = np.zeros((max(rows, default=0) + 1, max((len(a) for a in rows.values()), default=1)))
-        for t, a in rows.items():
-            self.table[t, : len(a)] = a
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
         bad, collinear = _torsions(x_tkc, types, self.table, U, G)
@@ -110,21 +58,15 @@ class Torsion(FourAtoms):
         return bad
 
 
-def mirror_refusals(values: Mapping, settle) -> dict[int, str]:
-    """{type: why} of those types for which ``settle(type)`` finds that mirror images differ."""
-    refused = {}
-    for t in values:
-        try:
-            settle(t)
-        except MirrorError as e:
-            refused[t] = str(e)
-    return refused
-
-
 def _cosine(n: int, factor: float) -> np.ndarray:
     a = np.zeros(n + 1)
     a[n] = factor
     return a
+
+
+def sign_of(phase: float) -> float:
+    """1 or −1 for a phase of 0 or π (radians, to nine digits of a degree); MirrorError for others."""
+    return sign_of_phase(round(np.degrees(phase), 9))
 
 
 def sign_of_phase(degrees: float) -> float:
@@ -140,7 +82,7 @@ class HarmonicTorsion(Torsion):
     name = "harmonic"
     wants = (("K", energy), ("d", plain), ("n", plain))
 
-    def series(self, K, d, n):
+    def row(self, K, d, n):
         if d not in (1.0, -1.0):
             raise ValueError(f"d must be 1 or -1, got {d:g}")
         a = _cosine(_whole(n, "n", 0), K * d)
@@ -175,7 +117,7 @@ class CharmmTorsion(Torsion):
             )
         return super().prepare(frame)
 
-    def series(self, K, n, d, w):
+    def row(self, K, n, d, w):
         if not 0.0 <= w <= 1.0:
             raise ValueError(f"the weight of the 1-4 pair must be between 0 and 1, got {w:g}")
         a = _cosine(_whole(n, "n", 0), K * sign_of_phase(d))
@@ -196,7 +138,7 @@ class OPLSTorsion(Torsion):
     name = "opls"
     wants = tuple((f"K{k}", energy) for k in (1, 2, 3, 4))
 
-    def series(self, K1, K2, K3, K4):
+    def row(self, K1, K2, K3, K4):
         return 0.5 * np.array([K1 + K2 + K3 + K4, K1, -K2, K3, -K4])
 
 
@@ -206,43 +148,44 @@ class MultiHarmonicTorsion(Torsion):
     name = "multi/harmonic"
     wants = tuple((f"A{k}", energy) for k in (1, 2, 3, 4, 5))
 
-    def series(self, *A):
+    def row(self, *A):
         return np.polynomial.chebyshev.poly2cheb(A)
 
 
-class NHarmonicTorsion(Torsion):
+class NHarmonicTorsion(RowTerm, Torsion):
     """U = Σ_{n=1..N} A_n cosⁿ⁻¹ φ (LAMMPS ``nharmonic``). Coefficients A1 .. AN [energy] (in LAMMPS's lines after their
     number N)."""
 
     name = "nharmonic"
 
-    def __init__(self, coeffs, *, units: str | Units = "metal", partition="equal"):
-        coeffs = coeffs if isinstance(coeffs, Mapping) else {1: coeffs}
-        u = system(units)
-        self.units = u
-        self._set({int(t): tuple(u.to_internal("energy", np.atleast_1d(v).astype(float))) for t, v in coeffs.items()})
-        self.share(partition)
+    @classmethod
+    def scaled(cls, numbers, u):
+        return [x * u.energy for x in numbers]
 
-    def series(self, *A):
+    @classmethod
+    def read(cls, inp, line):
+        n = inp.number(line.words[0], 1.0, "the number of terms", line) if line.words else 0
+        if n < 1 or n != len(line.words) - 1:
+            raise inp.wrong("dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An", line)
+        return [inp.number(w, "energy", f"A{k}", line) for k, w in enumerate(line.words[1:], 1)]
+
+    def row(self, *A):
         if not A:
             raise ValueError("needs at least one coefficient")
         return np.polynomial.chebyshev.poly2cheb(A)
 
 
-class FourierTorsion(Torsion):
+class FourierTorsion(RowTerm, Torsion):
     """U = Σ_{i=1..m} K_i [1 + cos(n_i φ − d_i)] (LAMMPS ``fourier``). Coefficients m, then K_i [energy], n_i, d_i
     [degrees, 0 or 180] for each i."""
 
     name = "fourier"
 
-    def __init__(self, coeffs, *, units: str | Units = "metal", partition="equal"):
-        coeffs = coeffs if isinstance(coeffs, Mapping) else {1: coeffs}
-        u = system(units)
-        self.units = u
-        self._set({int(t): _scaled_fourier(v, u.energy) for t, v in coeffs.items()})
-        self.share(partition)
+    @classmethod
+    def scaled(cls, numbers, u):
+        return [x * u.energy if k % 3 == 1 else x for k, x in enumerate(numbers)]
 
-    def series(self, m, *more):
+    def row(self, m=0.0, *more):
         m = _whole(m, "the number of terms", 1)
         if len(more) != 3 * m:
             raise ValueError(f"{m} terms need {3 * m} numbers K n d after {m}, got {len(more)}")
@@ -256,33 +199,8 @@ class FourierTorsion(Torsion):
         return a
 
 
-def _scaled_fourier(v, factor: float):
-    v = [float(w) for w in v]
-    return tuple(w * factor if k % 3 == 1 else w for k, w in enumerate(v))
-
-
 register_bonded(HarmonicTorsion, CharmmTorsion, CharmmFSWTorsion, OPLSTorsion, MultiHarmonicTorsion)
-
-
-@dihedral_style("nharmonic")
-def _nharmonic(inp):
-    def numbers(line):
-        n = inp.number(line.words[0], 1.0, "the number of terms", line) if line.words else 0
-        if n < 1 or n != len(line.words) - 1:
-            raise inp.wrong("dihedral_coeff of nharmonic takes n and then n coefficients A1 .. An", line)
-        return tuple(inp.number(w, "energy", f"A{k}", line) for k, w in enumerate(line.words[1:], 1))
-
-    return NHarmonicTorsion._from_input(inp.by_type(numbers), inp)
-
-
-@dihedral_style("fourier")
-def _fourier(inp):
-    def numbers(line):
-        return _scaled_fourier(
-            [inp.number(w, 1.0, "a coefficient", line) for w in line.words] or [0.0], inp.units.energy
-        )
-
-    return FourierTorsion._from_input(inp.by_type(numbers), inp)
+register_bonded(NHarmonicTorsion, FourierTorsion)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .dihedral import MirrorError, mirror_refusals, sign_of_phase
+from .dihedral import sign_of
 from .dihedral_chain import Chain, CoupledTorsion
 from .topology import (
     CrossTerms,
+    MirrorError,
     RowTerm,
     degrees,
     energy,
@@ -43,16 +44,12 @@ class Class2Torsion(CrossTerms, CoupledTorsion):
         "bb13": (("N", per_length2), ("r1", length), ("r3", length)),
     }
 
-    def _set(self, values, where=""):
-        super()._set(values, where)
-
-        def settle(t):
-            for n in (0, 2, 4):
-                K, phase = self.table[t, n : n + 2]
-                # From here on the table has the sign of the cosine in the phase's place.
-                self.table[t, n + 1] = sign_of_phase(round(np.degrees(phase), 9)) if K != 0.0 else 1.0
-
-        self.keep_refusals(mirror_refusals(values, settle), where)
+    def row(self, *numbers):
+        numbers = list(numbers)
+        for n in (0, 2, 4):
+            # The sign of the cosine in the phase's place.
+            numbers[n + 1] = sign_of(numbers[n + 1]) if numbers[n] != 0.0 else 1.0
+        return numbers
 
     def curve(self, chain: Chain, types):
         v = self.table[types].T
@@ -98,25 +95,21 @@ class SphericalTorsion(RowTerm, CoupledTorsion):
     name = "spherical"
 
     @classmethod
-    def row(cls, numbers, u):
+    def scaled(cls, numbers, u):
         n = whole(numbers[0], "the number of terms", 1) if numbers else 0
         if n < 1 or len(numbers) != 1 + 10 * n:
             raise ValueError(
                 f"expected n and then C K a u L b v M c w for each of the n terms, got {len(numbers)} numbers"
             )
-        terms = np.reshape(numbers[1:], (n, 10)) * [u.energy, 1, degrees(u), 1, 1, degrees(u), 1, 1, degrees(u), 1]
+        terms = np.reshape(numbers[1:], (n, 10)) * [u.energy, 1, degrees, 1, 1, degrees, 1, 1, degrees, 1]
         return terms.ravel()
 
-    def _set(self, values, where=""):
-        super()._set(values, where)
-
-        def settle(t):
-            for C, K, a, *_ in np.reshape(values[t], (-1, 10)):
-                if C != 0.0:
-                    whole_multiple(K)
-                    sign_of_phase(round(np.degrees(K * a), 9))
-
-        self.keep_refusals(mirror_refusals(values, settle), where)
+    def row(self, *numbers):
+        for C, K, a, *_ in np.reshape(numbers, (-1, 10)):
+            if C != 0.0:
+                whole_multiple(K)
+                sign_of(K * a)
+        return numbers
 
     def curve(self, chain: Chain, types):
         t1, t2, dt1, dt2 = chain.angles()

@@ -9,9 +9,9 @@ from ...compiled import njit
 from ..base import Accumulator
 from .angle_curves import restricted, shift_exp
 from .cluster import first_not_finite
-from .dihedral import FourAtoms, Torsion, cosine_and_slopes, mirror_refusals, sign_of_phase
+from .dihedral import FourAtoms, Torsion, cosine_and_slopes, sign_of, sign_of_phase
 from .improper import HarmonicImproper
-from .topology import degrees, energy, plain, register_bonded
+from .topology import MirrorError, degrees, energy, plain, register_bonded
 
 
 class CurveTorsion(FourAtoms):
@@ -43,17 +43,6 @@ def geometry(x, cos, sin, slopes, near):
             sin[t] = np.sqrt(1.0 - cos[t] * cos[t])
 
 
-def refuse_phases(term, values, columns, where):
-    """Replace phases (radians, in these columns) by the sign of the cosine; types with a phase neither 0 nor 180°
-    become refusals."""
-
-    def settle(t):
-        for k in columns:
-            term.table[t, k] = sign_of_phase(round(np.degrees(term.table[t, k]), 9))
-
-    term.keep_refusals(mirror_refusals(values, settle), where)
-
-
 class QuadraticTorsion(HarmonicImproper):
     """U = K (φ − φ0)² with φ − φ0 between −180 and 180° (LAMMPS ``quadratic``). Coefficients K [energy/rad²], φ0
     [degrees, 0 or 180].
@@ -67,10 +56,8 @@ class QuadraticTorsion(HarmonicImproper):
     wants = (("K", energy), ("phi0", degrees))
     angle_name, small = "phi", 1e-6
 
-    def _set(self, values, where=""):
-        super()._set(values, where)
-        refuse_phases(self, values, (1,), where)
-        self.table[:, 1] = np.where(self.table[:, 1] < 0, np.pi, 0.0)
+    def row(self, K, phi0):
+        return K, np.pi if sign_of(phi0) < 0 else 0.0
 
 
 class HelixTorsion(Torsion):
@@ -82,7 +69,7 @@ class HelixTorsion(Torsion):
     name = "helix"
     wants = (("A", energy), ("B", energy), ("C", energy))
 
-    def series(self, A, B, C):
+    def row(self, A, B, C):
         if C != 0.0:
             sign_of_phase(45.0)
         return np.array([A + B, -A, 0.0, B])
@@ -105,11 +92,10 @@ class CosineShiftExpTorsion(CurveTorsion):
     name = "cosine/shift/exp"
     wants = (("U_min", energy), ("phi0", degrees), ("a", plain))
 
-    def _set(self, values, where=""):
-        super()._set(values, where)
-        refuse_phases(self, values, (1,), where)
-        small = {t: _SMALL_A for t in values if 0.0 < abs(self.table[t, 2]) < 0.001}
-        self.keep_refusals({**self.refused, **small}, where)
+    def row(self, depth, phi0, a):
+        if 0.0 < abs(a) < 0.001:
+            raise MirrorError(_SMALL_A)
+        return depth, sign_of(phi0), a
 
     def curve(self, cos, sin, types):
         depth, sign, a = self.table[types].T

@@ -13,11 +13,12 @@ import numpy as np
 
 from ...errors import AtcError
 from ...units import units as system
-from ..registry import dihedral_style
+from ..table_file import read_table, same_units
 from .dihedral import _MIRROR
 from .dihedral_chain import Chain, CoupledTorsion
 from .dihedral_curves import CurveTorsion
-from .table import read_rows, section_lines, table_options
+from .table import table_options
+from .topology import register_bonded
 
 #: how far from even a table may be, relative to the range of its values
 _EVEN = 1e-10
@@ -46,35 +47,16 @@ def read_torsion_section(path, keyword: str, where: str = "", units_name: str | 
     AtcError for a missing file or section, other units, a malformed line, or angles that do not increase within less
     than a turn.
     """
-    lines = section_lines(path, keyword, "dihedral", where, units_name)
-    number, words = lines[0]
-    n, with_force, size = None, True, np.pi / 180.0
-    p = 0
-    try:
-        while p < len(words):
-            if words[p] == "N":
-                n, p = int(words[p + 1]), p + 2
-            elif words[p] in ("CHECKU", "CHECKF"):
-                p += 2
-            elif words[p] in ("NOF", "DEGREES", "RADIANS"):
-                with_force = with_force and words[p] != "NOF"
-                size = {"DEGREES": np.pi / 180.0, "RADIANS": 1.0}.get(words[p], size)
-                p += 1
-            else:
-                raise ValueError
-    except (ValueError, IndexError):
-        raise AtcError(
-            f"{path}:{number}: expected the parameters of a dihedral table, N <n> [NOF] [DEGREES] [RADIANS] [CHECKU "
-            f"<file>] [CHECKF <file>], got {' '.join(words)!r}"
-        ) from None
-    if n is None or n < 2:
-        raise AtcError(f"{path}:{number}: a dihedral table needs N <number of lines> of at least 2")
-    data = read_rows(path, keyword, lines[1 : n + 1], n, ("phi", "energy", "force")[: 2 + with_force])
+    known = {"NOF": (), "DEGREES": (), "RADIANS": (), "CHECKU": ("file",), "CHECKF": ("file",)}
+    given, data = read_table(
+        path, keyword, "dihedral", known, lambda given: ("phi", "energy", "force")[: 3 - ("NOF" in given)], where
+    )
+    same_units(given["UNITS"], units_name, path, where)
+    with_force, size = "NOF" not in given, 1.0 if "RADIANS" in given else np.pi / 180.0
     phi = data[:, 0] * size
-    if not np.isfinite(data).all() or (np.diff(phi) <= 0).any() or not phi[-1] - phi[0] < 2.0 * np.pi * (1.0 - 1e-12):
+    if (np.diff(phi) <= 0).any() or not phi[-1] - phi[0] < 2.0 * np.pi * (1.0 - 1e-12):
         raise AtcError(
-            f"{path}: the angles of section {keyword!r} must increase from line to line within less than a full turn, "
-            "all numbers finite"
+            f"{path}: the angles of section {keyword!r} must increase from line to line within less than a full turn"
         )
     return TorsionSection(phi, data[:, 1], data[:, 2] / size if with_force else None)
 
@@ -183,6 +165,11 @@ class TableTorsion(_Tabulated, CurveTorsion):
         self._take(sections, points, spline, units, where)
         self.share(partition)
 
+    @classmethod
+    def build(cls, inp):
+        way = _way(inp)
+        return cls(_sections(inp, 0, "")[0], **way)
+
     def curve(self, cos, sin, types):
         return self._lookup(cos, sin, types)
 
@@ -207,6 +194,21 @@ class TableCutTorsion(_Tabulated, CoupledTorsion):
         for t, (K, a, b) in cuts.items():
             self.cuts[t] = K, np.radians(a), np.radians(b)
         self.share(partition)
+
+    @classmethod
+    def build(cls, inp):
+        way = _way(inp)
+        sections, fronts = _sections(inp, 4, "aat, K, two angles, ")
+        cuts = {}
+        for t, (words, line) in fronts.items():
+            if words[0] != "aat":
+                raise inp.error(f"dihedral_coeff of table/cut starts with aat, got {words[0]}", line)
+            cuts[t] = tuple(
+                inp.number(w, 1.0, what, line) for w, what in zip(words[1:], ("K", "angle1", "angle2"), strict=True)
+            )
+            if not 0.0 <= cuts[t][1] < cuts[t][2]:
+                raise inp.error("dihedral_coeff of table/cut: the second angle must be larger than the first", line)
+        return cls(sections, cuts, **way)
 
     def curve(self, chain: Chain, types):
         K, a, b = self.cuts[types].T
@@ -242,23 +244,4 @@ def _sections(inp, lead: int, what: str):
     return sections, fronts
 
 
-@dihedral_style("table")
-def _table(inp):
-    way = _way(inp)
-    return TableTorsion(_sections(inp, 0, "")[0], **way)
-
-
-@dihedral_style("table/cut")
-def _table_cut(inp):
-    way = _way(inp)
-    sections, fronts = _sections(inp, 4, "aat, K, two angles, ")
-    cuts = {}
-    for t, (words, line) in fronts.items():
-        if words[0] != "aat":
-            raise inp.error(f"dihedral_coeff of table/cut starts with aat, got {words[0]}", line)
-        cuts[t] = tuple(
-            inp.number(w, 1.0, what, line) for w, what in zip(words[1:], ("K", "angle1", "angle2"), strict=True)
-        )
-        if not 0.0 <= cuts[t][1] < cuts[t][2]:
-            raise inp.error("dihedral_coeff of table/cut: the second angle must be larger than the first", line)
-    return TableCutTorsion(sections, cuts, **way)
+register_bonded(TableTorsion, TableCutTorsion)

@@ -16,7 +16,17 @@ from ..base import Accumulator
 from .cluster import first_not_finite
 from .dihedral import FourAtoms
 from .improper_pyramid import Pyramid, PyramidImproper, asin_over_sine
-from .topology import CrossTerms, RowTerm, degrees, energy, length, per_length2, per_length4, register_bonded
+from .topology import (
+    CrossTerms,
+    MirrorError,
+    RowTerm,
+    degrees,
+    energy,
+    length,
+    per_length2,
+    per_length4,
+    register_bonded,
+)
 
 # The least sine or cosine that is divided by at a kink.
 _SMALL = 0.001
@@ -52,9 +62,10 @@ class UmbrellaImproper(PyramidImproper):
     name = "umbrella"
     wants = (("K", energy), ("omega0", degrees))
 
-    def check(self, t):
-        w = self.table[t, 1]
-        return None if w == 0.0 or abs(np.sin(w)) > 1e-6 else "omega0 must be 0 or an angle with a sine"
+    def row(self, K, omega0):
+        if omega0 != 0.0 and not abs(np.sin(omega0)) > 1e-6:
+            raise ValueError("omega0 must be 0 or an angle with a sine")
+        return K, omega0
 
     def curve(self, p, types, acc):
         K, omega0 = self.table[types].T
@@ -76,7 +87,7 @@ class FourierImproper(RowTerm, PyramidImproper):
     name = "fourier"
 
     @classmethod
-    def row(cls, numbers, u):
+    def scaled(cls, numbers, u):
         if len(numbers) not in (4, 5) or numbers[4:] not in ([], [0.0], [1.0]):
             raise ValueError(f"expected K C0 C1 C2 and optionally 0 or 1, got {len(numbers)} numbers")
         return (numbers[0] * u.energy, *numbers[1:4], numbers[4] if len(numbers) == 5 else 1.0)
@@ -136,10 +147,10 @@ class OrientedImproper(PyramidImproper):
 
     oriented = ""
 
-    def _set(self, values, where=""):
-        super()._set(values, where)
-        handed = [t for t in values if self.table[t, 0] and self.table[t, 1]]
-        self.keep_refusals(dict.fromkeys(handed, f"{self.oriented}: {_HANDED}"), where)
+    def row(self, K, rest, *more):
+        if K and rest:
+            raise MirrorError(f"{self.oriented}: {_HANDED}")
+        return K, rest, *more
 
 
 class DistHarmImproper(OrientedImproper):
@@ -167,7 +178,7 @@ class SqDistHarmImproper(PyramidImproper):
     """
 
     name = "sqdistharm"
-    wants = (("K", per_length4), ("h0^2", lambda u: u.length**2))
+    wants = (("K", per_length4), ("h0^2", {"length": 2}))
 
     def curve(self, p, types, acc):
         K, h02 = self.table[types].T
@@ -240,15 +251,15 @@ class CosineSquaredImproper(FourAtoms):
     name = "cossq"
     wants = (("K", energy), ("chi0", degrees))
 
-    def check(self, t):
-        if self.table[t, 0] and self.table[t, 1]:
+    def row(self, K, chi0):
+        if K and chi0:
             warnings.warn(
                 "improper_style cossq with chi0 other than 0: LAMMPS computes forces that are not the derivative of "
                 "its energy; the run's forces are taken as they are, so energy is not balanced",
                 AtcWarning,
                 stacklevel=2,
             )
-        return None
+        return K, chi0
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
         K, chi0 = self.table[types].T

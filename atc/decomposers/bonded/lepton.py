@@ -8,14 +8,12 @@ import re
 import numpy as np
 
 from ...errors import AtcError
-from ...units import units as system
 from ..lepton import LeptonFormula
-from ..registry import angle_style, bond_style, dihedral_style
-from .angle import AngleStyle, over_sine
+from .angle import AngleStyle
 from .bond import BondStyle
 from .dihedral import _MIRROR
 from .dihedral_curves import CurveTorsion
-from .topology import first_true
+from .topology import MirrorError, register_bonded
 
 #: how far from even in φ a torsion's formula may be, relative to the range of its values
 _EVEN = 1e-10
@@ -42,26 +40,35 @@ class _Formulas:
     variable = "r"
     has_reference = True
 
-    def __init__(self, coeffs, *, units="metal", partition="equal"):
-        self.units = system(units)
+    @classmethod
+    def size(cls, u) -> float:
+        """The internal size of a reference's unit."""
+        return np.pi / 180.0
+
+    def internal(self, coeffs):
         rows = {}
         for t, c in coeffs.items():
             reference, text = c if self.has_reference else (0.0, c)
             try:
-                rows[int(t)] = (float(reference) * self.size(), formula_of(text, self.variable, self.units))
+                rows[int(t)] = float(reference) * self.size(self.units), formula_of(text, self.variable, self.units)
             except ValueError as e:
                 raise AtcError(f"{self.kind} style lepton: the formula {text!r}: {e}") from None
-        self._set(rows)
-        if hasattr(self, "weights"):
-            self.share(partition)
+        return rows
 
-    def size(self) -> float:
-        """The internal size of a reference's unit."""
-        return np.pi / 180.0
+    @classmethod
+    def read(cls, inp, line):
+        *references, text = line.words or ("",)
+        if not line.words or len(references) != cls.has_reference:
+            what = f"the reference {'length' if inp.kind == 'bond' else 'angle'} and " if cls.has_reference else ""
+            raise inp.wrong(f"{inp.kind}_coeff of lepton takes {what}a formula in quotes", line)
+        reference = sum(inp.number(w, 1.0, "the reference", line) * cls.size(inp.units) for w in references)
+        try:
+            return reference, formula_of(text, cls.variable, inp.units)
+        except ValueError as e:
+            raise inp.error(f"{inp.command}: the formula {text!r}: {e}", line) from None
 
-    def _set(self, values, where=""):
-        self.covered = frozenset(values)
-        self.formulas = dict(values)
+    def keep(self, rows):
+        self.formulas = rows
 
     def values(self, x, types, size: float):
         """U and dU/dx, all (m,), of coordinates x; `size` is the internal size of the formula's own unit of x."""
@@ -75,37 +82,16 @@ class _Formulas:
                 slope[mine] = du
         return U * self.units.energy, slope * (self.units.energy / size)
 
-    @classmethod
-    def _build(cls, inp):
-        inp.no_arguments()
-        self = cls.__new__(cls)
-        self.units = inp.units
-        lead = 1 if cls.has_reference else 0
-
-        def read(line):
-            if len(line.words) != 1 + lead:
-                what = f"the reference {'length' if inp.kind == 'bond' else 'angle'} and " if lead else ""
-                raise inp.wrong(f"{inp.kind}_coeff of lepton takes {what}a formula in quotes", line)
-            reference = inp.number(line.words[0], 1.0, "the reference", line) * self.size() if lead else 0.0
-            try:
-                return reference, formula_of(line.words[lead], cls.variable, inp.units)
-            except ValueError as e:
-                raise inp.error(f"{inp.command}: the formula {line.words[lead]!r}: {e}", line) from None
-
-        self._set(inp.by_type(read), inp.where)
-        return self
-
 
 class LeptonBond(_Formulas, BondStyle):
     """U(d − r0) − U(0) as a formula of r (LAMMPS ``lepton``). coeffs: {type: (r0 [length], text)}."""
 
-    def size(self):
-        return self.units.length
+    @classmethod
+    def size(cls, u):
+        return u.length
 
-    def add(self, types, d, U, G):
-        U[:], slope = self.values(d, types, self.units.length)
-        np.divide(slope, d, out=G, where=d > 0)
-        return first_true(~np.isfinite(U + slope)), 0
+    def energies(self, types, d):
+        return self.values(d, types, self.units.length)
 
     def refuse(self, t, d):
         return "where its formula has no finite value"
@@ -117,10 +103,9 @@ class LeptonAngle(_Formulas, AngleStyle):
 
     variable = "theta"
 
-    def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        U[:], slope = self.values(np.arctan2(sin, cos), types, 1.0)
-        U_c[:], clamped = over_sine(-slope, sin)
-        return clamped
+    def energies(self, types, a):
+        U, slope = self.values(a.theta, types, 1.0)
+        return U, a.over_sine(-slope)
 
 
 class LeptonTorsion(_Formulas, CurveTorsion):
@@ -138,17 +123,14 @@ class LeptonTorsion(_Formulas, CurveTorsion):
         """The torsion angle of the mirror image."""
         return 2.0 * np.pi - phi
 
-    def _set(self, values, where=""):
-        super()._set(values, where)
+    def row(self, reference, formula):
         phi = np.concatenate([np.linspace(0.0, np.pi, 361)[1:-1], np.random.default_rng(0).uniform(0.0, np.pi, 200)])
-        refused = {}
         with np.errstate(all="ignore"):
-            for t, (_, formula) in values.items():
-                (u, du), (v, dv) = formula(phi), formula(self.mirrored(phi))
-                far = np.abs(u - v).max() > _EVEN * max(np.ptp(u), 1e-12 * np.abs(u).max(initial=0.0))
-                if far or np.abs(du + dv).max() > 1e-8 * np.abs(du).max(initial=0.0):
-                    refused[t] = f"its formula is not the same for phi and -phi: {_MIRROR}"
-        self.keep_refusals(refused, where)
+            (u, du), (v, dv) = formula(phi), formula(self.mirrored(phi))
+            far = np.abs(u - v).max() > _EVEN * max(np.ptp(u), 1e-12 * np.abs(u).max(initial=0.0))
+            if far or np.abs(du + dv).max() > 1e-8 * np.abs(du).max(initial=0.0):
+                raise MirrorError(f"its formula is not the same for phi and -phi: {_MIRROR}")
+        return reference, formula
 
     def curve(self, cos, sin, types):
         phi = np.arctan2(sin, cos)
@@ -158,5 +140,4 @@ class LeptonTorsion(_Formulas, CurveTorsion):
         return U, -slope / np.sin(inside)
 
 
-for _register, _style in ((bond_style, LeptonBond), (angle_style, LeptonAngle), (dihedral_style, LeptonTorsion)):
-    _register("lepton")(_style._build)
+register_bonded(LeptonBond, LeptonAngle, LeptonTorsion)

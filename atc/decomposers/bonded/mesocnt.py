@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..registry import angle_style, bond_style
-from .angle import AngleStyle
-from .angle_curves import deviation_over_sine
+from .angle import SMALL, AngleStyle
 from .bond import HarmonicBond
-from .topology import degrees, energy
+from .topology import degrees, energy, register_bonded
 
 
 def _custom(inp, line, at: int):
@@ -29,6 +27,10 @@ class MesoBond(HarmonicBond):
 
     name = "mesocnt"
 
+    @classmethod
+    def read(cls, inp, line):
+        return inp.numbers(_custom(inp, line, 0), cls.wants, line)
+
 
 class MesoAngle(AngleStyle):
     """U = K x², x = 180° − θ, and from the buckling angle x_b on K x_b² + K_b (x − x_b) (LAMMPS ``mesocnt``,
@@ -40,34 +42,22 @@ class MesoAngle(AngleStyle):
     name = "mesocnt"
     wants = (("K", energy), ("K_b", energy), ("x_b", degrees))
 
-    def add(self, types, cos, sin, d_bc, U, U_c, G_bc):
-        K, K_b, x_b = self.table[types].T
-        theta = np.arctan2(sin, cos)
-        x = np.pi - theta
-        buckled = x > x_b
-        near = np.where(buckled, x_b, x)
-        U[:] = K * near * near + np.where(buckled, K_b * (x - near), 0.0)
-        # dU/dcos θ = U'(x)/sin θ; x/sin θ has a limit at 180°.
-        ratio, clamped = deviation_over_sine(-x, np.full(len(x), np.pi), cos, sin)
-        U_c[:] = np.where(buckled, K_b / np.maximum(sin, 0.001), -2.0 * K * ratio)
-        return clamped
-
-
-@bond_style("mesocnt")
-def _bond(inp):
-    wants = MesoBond.wanted(inp.units)
-    return MesoBond._from_input(inp.by_type(lambda line: inp.numbers(_custom(inp, line, 0), wants, line)), inp)
-
-
-@angle_style("mesocnt")
-def _angle(inp):
-    wants = MesoAngle.wanted(inp.units)
-
-    def read(line):
+    @classmethod
+    def read(cls, inp, line):
         mode = line.words[0] if line.words else ""
         if mode not in ("harmonic", "buckling"):
             raise inp.error(f"angle_coeff of mesocnt: expected harmonic or buckling, got {mode or 'nothing'}", line)
-        numbers = inp.numbers(_custom(inp, line, 1), wants if mode == "buckling" else wants[:1], line)
+        numbers = inp.numbers(_custom(inp, line, 1), cls.wants if mode == "buckling" else cls.wants[:1], line)
         return numbers if mode == "buckling" else (numbers[0], 0.0, np.inf)
 
-    return MesoAngle._from_input(inp.by_type(read), inp)
+    def curve(self, a, K, K_b, x_b):
+        x = np.pi - a.theta
+        buckled = x > x_b
+        near = np.where(buckled, x_b, x)
+        U = K * near * near + np.where(buckled, K_b * (x - near), 0.0)
+        # dU/dcos θ = U'(x)/sin θ; x/sin θ has a limit at 180°.
+        ratio = a.deviation_over_sine(-x, np.full(len(x), np.pi))
+        return U, np.where(buckled, K_b / np.maximum(a.sin, SMALL), -2.0 * K * ratio)
+
+
+register_bonded(MesoBond, MesoAngle)

@@ -9,9 +9,7 @@ import numpy as np
 
 from ...compiled import njit
 from ...errors import AtcError
-from ...readers.lammps.sections import shortened
-from ...readers.whole import whole_text
-from ..many_body.parameter_file import units_tag
+from ..table_file import read_table, same_units, spline_through
 
 
 @dataclass
@@ -37,92 +35,15 @@ def read_section(path, keyword: str, kind: str, where: str = "", units_name: str
     ------
     AtcError for a missing file or section, other units, a malformed line, or coordinates that do not increase.
     """
-    lines = section_lines(path, keyword, kind, where, units_name)
-    number, words = lines[0]
-    n, slopes = None, None
-    p = 0
-    try:
-        while p < len(words):
-            if words[p] == "N":
-                n, p = int(words[p + 1]), p + 2
-            elif words[p] == "FP":
-                slopes, p = (float(words[p + 1]), float(words[p + 2])), p + 3
-            elif words[p] == "EQ":
-                float(words[p + 1])
-                p += 2
-            else:
-                raise ValueError
-    except (ValueError, IndexError):
+    known = {"FP": ("lo", "hi"), "EQ": ("x0",)}
+    given, data = read_table(path, keyword, kind, known, lambda given: ("x", "energy", "force"), where)
+    same_units(given["UNITS"], units_name, path, where)
+    x, energy, force = (np.ascontiguousarray(column) for column in data.T)
+    if (np.diff(x) <= 0).any():
         raise AtcError(
-            f"{path}:{number}: expected the parameters of a {kind} table, N <n> [FP <lo> <hi>] [EQ <x0>], got "
-            f"{shortened(' '.join(words))!r}"
-        ) from None
-    if n is None or n < 2:
-        raise AtcError(f"{path}:{number}: a {kind} table needs N <number of lines> of at least 2")
-    if n > len(lines) - 1:
-        raise AtcError(
-            f"{path}:{number}: the section {keyword!r} announces {n} lines, the file has {len(lines) - 1} more"
+            f"{path}: the first column after the index of section {keyword!r} must increase from line to line"
         )
-    data = read_rows(path, keyword, lines[1 : n + 1], n, ("x", "energy", "force"))
-    if not np.isfinite(data).all() or (np.diff(data[:, 0]) <= 0).any():
-        raise AtcError(
-            f"{path}: the first column after the index of section {keyword!r} must increase from line to line, all "
-            "numbers finite"
-        )
-    return Section(data[:, 0].copy(), data[:, 1].copy(), data[:, 2].copy(), slopes)
-
-
-def section_lines(
-    path, keyword: str, kind: str, where: str = "", units_name: str | None = None
-) -> list[tuple[int, list[str]]]:
-    """(number, words) of the lines behind a section's keyword to the end of the file, without comments and blank lines;
-    the first is its parameters.
-
-    Raises AtcError as `read_section`.
-    """
-    at = f"{where}: " if where else ""
-    text = whole_text(path, f"{kind} table", where)
-    tag = units_tag(text)
-    if None not in (tag, units_name) and tag != units_name:
-        raise AtcError(
-            f"{at}{path} is in {tag!r} units (its UNITS: tag) and the model in {units_name!r}: use a table in the "
-            "model's units"
-        )
-    lines = [(n, w) for n, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
-    start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
-    if start is None:
-        names = [w[0] for _, w in lines if not _number(w[0]) and w[0] != "N"]
-        raise AtcError(f"{at}{path} has no section {keyword!r}; it has {shortened(', '.join(names)) or 'none'}")
-    if start + 1 == len(lines):
-        raise AtcError(
-            f"{path}:{lines[start][0]}: the section {keyword!r} is empty: expected a line N <number of lines>"
-        )
-    return lines[start + 1 :]
-
-
-def read_rows(path, keyword: str, rows, n: int, columns) -> np.ndarray:
-    """(n, columns) numbers of n lines ``index <columns>``. Raises AtcError that names the line."""
-    data = np.empty((n, len(columns)))
-    for k in range(n):
-        try:
-            number, words = rows[k]
-            data[k] = [float(v) for v in words[1 : len(columns) + 1]]
-            int(words[0])
-        except (ValueError, IndexError):
-            here = f"{path}:{number}" if k < len(rows) else str(path)
-            raise AtcError(
-                f"{here}: the section {keyword!r} needs {n} lines of index, {', '.join(columns)}; line {k + 1} of "
-                "them is missing or malformed"
-            ) from None
-    return data
-
-
-def _number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+    return Section(x, energy, force, given.get("FP"))
 
 
 class Tables:
@@ -154,17 +75,11 @@ class Tables:
     def range_of(self, t: int):
         return self.ends[t]
 
-    def lookup(self, types, x, U, F) -> int:
-        """Fill energies and forces −dU/dx. Returns the first entry outside its table, or −1."""
-        return _lookup(types, x, self.ends, self.values, self.spline, U, F)
-
-
-def _spline(x, y, slope0, slope1):
-    """Second derivatives at the knots of the cubic spline with given end slopes."""
-    from scipy.interpolate import CubicSpline
-
-    c = CubicSpline(x, y, bc_type=((1, slope0), (1, slope1)))
-    return c, c(x, 2)
+    def lookup(self, types, x):
+        """Energies and forces −dU/dx, NaN outside the table."""
+        U, F = np.empty(len(x)), np.empty(len(x))
+        _lookup(types, x, self.ends, self.values, self.spline, U, F)
+        return U, F
 
 
 def _interpolated(s: Section, points: int) -> np.ndarray:
@@ -172,14 +87,10 @@ def _interpolated(s: Section, points: int) -> np.ndarray:
         lo, hi = (s.force[1] - s.force[0]) / (s.x[1] - s.x[0]), (s.force[-1] - s.force[-2]) / (s.x[-1] - s.x[-2])
     else:
         lo, hi = s.slopes
-    e_file, _ = _spline(s.x, s.energy, -s.force[0], -s.force[-1])
-    f_file, _ = _spline(s.x, s.force, lo, hi)
     x = s.x[0] + np.arange(points) * ((s.x[-1] - s.x[0]) / (points - 1))
-    e, f = e_file(x), f_file(x)
-    _, e2 = _spline(x, e, -f[0], -f[-1])
+    e, f = spline_through(s.x, s.energy, -s.force[0], -s.force[-1])(x), spline_through(s.x, s.force, lo, hi)(x)
     # As LAMMPS does: end slopes of the force given, or inferred from the file, once more.
-    _, f2 = _spline(x, f, lo, hi)
-    return np.stack([e, f, e2, f2], axis=-1)
+    return np.stack([e, f, spline_through(x, e, -f[0], -f[-1])(x, 2), spline_through(x, f, lo, hi)(x, 2)], axis=-1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -189,7 +100,8 @@ def _lookup(types, x, ends, values, spline, U, F):
         t = types[b]
         lo, hi = ends[t, 0], ends[t, 1]
         if not (lo <= x[b] <= hi):
-            return b
+            U[b] = F[b] = np.nan
+            continue
         h = (hi - lo) / (n - 1)
         k = int((x[b] - lo) / h)
         k = k if k < n - 1 else n - 2
@@ -204,7 +116,6 @@ def _lookup(types, x, ends, values, spline, U, F):
             f += cp * values[t, k, 3] + cq * values[t, k + 1, 3]
         U[b] = u
         F[b] = f
-    return -1
 
 
 def table_options(inp, least: int) -> tuple[int, bool]:
@@ -215,9 +126,9 @@ def table_options(inp, least: int) -> tuple[int, bool]:
     return int(points), way == "spline"
 
 
-def build_tables(inp, kind: str) -> Tables:
+def build_tables(inp) -> Tables:
     """From ``bond_style table linear 1000`` and ``bond_coeff 1 file KEYWORD`` lines."""
-    options = table_options(inp, 2)
+    kind, options = inp.kind, table_options(inp, 2)
 
     def read(line):
         if len(line.words) != 2:

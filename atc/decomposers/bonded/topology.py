@@ -1,9 +1,8 @@
-"""What bonds and angles share: which image of an atom is meant, which types have coefficients, and the cut into
-tasks."""
+"""What bonded terms share: which types have coefficients, and from their lines to the rows of a table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from types import MappingProxyType
@@ -16,75 +15,28 @@ from ...readers.lammps.data import COEFFS
 from ...units import Units
 from ...units import units as system
 from ..base import Accumulator, Term, Work
-from ..registry import STYLES, TypeRange
+from ..registry import STYLES, TypeRange, factor
+from .cluster import ClusterTerm, weights_of
 from .unsupported import reason
 
-CHUNK = 16384
+#: Dimensions of coefficients, as `registry.factor` takes them.
+energy, length, plain, degrees = "energy", "length", 1.0, np.pi / 180.0
+per_length, energy_per_length = {"length": -1}, {"energy": 1, "length": -1}
+per_length2, per_length3, per_length4 = ({"energy": 1, "length": -n} for n in (2, 3, 4))
 
 
-def first_true(bad_t) -> int:
-    """The number of the first that is true, −1 if none is."""
-    return int(np.argmax(bad_t)) if bad_t.any() else -1
+class MirrorError(ValueError):
+    """Coefficients that are understood, of a term that is not a function of distances: refused where a frame uses
+    them."""
 
 
-def per_length2(u: Units) -> float:
-    """Internal size of energy/length²."""
-    return u.energy / u.length**2
-
-
-def energy(u: Units) -> float:
-    """Internal size of an energy."""
-    return u.energy
-
-
-def length(u: Units) -> float:
-    """Internal size of a length."""
-    return u.length
-
-
-def per_length(u: Units) -> float:
-    """Internal size of 1/length."""
-    return 1.0 / u.length
-
-
-def per_length3(u: Units) -> float:
-    """Internal size of energy/length³."""
-    return u.energy / u.length**3
-
-
-def per_length4(u: Units) -> float:
-    """Internal size of energy/length⁴."""
-    return u.energy / u.length**4
-
-
-def energy_per_length(u: Units) -> float:
-    """Internal size of energy/length."""
-    return u.energy / u.length
-
-
-def kelvin(u: Units) -> float:
-    """k_B T of a temperature."""
-    return u.boltzmann
-
-
-def plain(u: Units) -> float:
-    """Of a number without unit."""
-    return 1.0
-
-
-def degrees(u: Units) -> float:
-    """Radians in a degree."""
-    return np.pi / 180.0
-
-
-class BondedTerm(Term):
-    """Bonds or angles of one style, with coefficients by type.
+class BondedTerm(ClusterTerm):
+    """Bonded interactions of one style, with coefficients by type.
 
     Parameters
     ----------
     coeffs : {type: numbers}, the numbers of LAMMPS's coefficient line in its order (`wants`) and in `units`; angles in
-        degrees. For types that
-        differ in nothing a bare tuple is type 1.
+        degrees. For types that differ in nothing a bare tuple is type 1.
     units : unit style of the numbers; the default has eV and Å
 
     Attributes
@@ -100,16 +52,40 @@ class BondedTerm(Term):
 
     kind = ""
     name = ""
-    #: (what, factor to internal units as a function of Units) of each number of a coefficient line
-    wants: tuple[tuple[str, Callable[[Units], float]], ...] = ()
+    #: (what, dimension) of each number of a coefficient line
+    wants: tuple[tuple[str, str | dict | float], ...] = ()
+    #: what rows of the table are filled up with to the longest one, again and again
+    filling: tuple[float, ...] = (0.0,)
     others: frozenset = frozenset()
     refused: Mapping[int, str] = MappingProxyType({})
 
     def __init__(self, coeffs: Mapping | Sequence, *, units: str | Units = "metal"):
-        if not isinstance(coeffs, Mapping):
-            coeffs = {1: coeffs}
         self.units = system(units)
-        self._set(_converted(self, coeffs, self.units))
+        self._set(self.internal(coeffs if isinstance(coeffs, Mapping) else {1: coeffs}))
+
+    def internal(self, coeffs: Mapping) -> dict[int, Sequence]:
+        """{type: numbers in internal units} of those in the user's."""
+        out = {}
+        for t, v in coeffs.items():
+            v = np.atleast_1d(v).astype(float)
+            if len(v) != len(self.wants):
+                names = ", ".join(w for w, _ in self.wants)
+                raise AtcError(
+                    f"{self.kind} style {self.name}: type {t} needs {names or 'no numbers'}, got {len(v)} numbers"
+                )
+            out[int(t)] = tuple(x * factor(self.units, d) for x, (_, d) in zip(v, self.wants, strict=True))
+        return out
+
+    @classmethod
+    def read(cls, inp, line) -> Sequence:
+        """The numbers of a coefficient line, internal units."""
+        return inp.numbers(line.words, cls.wants, line)
+
+    @classmethod
+    def build(cls, inp):
+        """From the lines of a `StyleInput`."""
+        inp.no_arguments()
+        return cls._from_input(inp.by_type(lambda line: cls.read(inp, line)), inp)
 
     @classmethod
     def _from_input(cls, values: Mapping, inp):
@@ -119,29 +95,28 @@ class BondedTerm(Term):
         self._set(values, inp.where)
         return self
 
+    def row(self, *numbers) -> Sequence[float]:
+        """The row of `table` that the numbers of a type make (internal units). Raises ValueError with what is wrong
+        with them, or `MirrorError`."""
+        return numbers
+
     def _set(self, values: Mapping, where: str = ""):
-        """Keep the numbers (internal units) as `table`, (largest type + 1, ...)."""
+        """Keep the numbers of each type."""
         self.covered = frozenset(values)
-        self.table = np.zeros((max(self.covered, default=0) + 1, max(1, len(self.wants))))
-        for t, v in values.items():
-            self.table[t, : len(v)] = v
-            wrong = self.check(t)
-            if wrong:
-                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {wrong}")
+        rows, refused = {}, {}
+        for t, numbers in values.items():
+            try:
+                rows[t] = self.row(*numbers)
+            except MirrorError as e:
+                refused[t] = str(e)
+            except ValueError as e:
+                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {e}") from None
+        self.keep_refusals(refused, where)
+        self.keep(rows)
 
-    @classmethod
-    def wanted(cls, units: Units) -> list:
-        """`wants`, with what the numbers of a model in these units are multiplied by."""
-        return [(what, f(units)) for what, f in cls.wants]
-
-    @classmethod
-    def _build(cls, inp):
-        inp.no_arguments()
-        return cls._from_input(inp.type_values(cls.wanted(inp.units)), inp)
-
-    def check(self, t: int) -> str | None:
-        """What is wrong with the numbers of type t, if anything."""
-        return None
+    def keep(self, rows: Mapping) -> None:
+        """Make the `table` (largest type + 1, longest row) of {type: row}."""
+        self.table = filled(rows, self.filling)
 
     def keep_refusals(self, refused: Mapping[int, str], where: str = ""):
         """Remember types without forces along distances; if there are no others, the style can compute nothing and that
@@ -195,53 +170,75 @@ class BondedTerm(Term):
         return np.ascontiguousarray(atoms, dtype=np.int32), np.ascontiguousarray(types, dtype=np.int32)
 
 
-class RowTerm:
-    """For terms whose coefficient lines have no fixed length: subclasses turn the numbers of a line into a row of the
-    table.
+class SharedTerm(BondedTerm):
+    """One of three and more atoms, whose energy may be shared among them in several ways.
 
-    The class in front of a `BondedTerm`; takes the same parameters.
+    partition : "equal", one of `shares`, or a number for each atom in the order of the topology, which add up to 1.
+        Stress and total energy do not depend on it; heat flux and churning do.
     """
 
-    #: what a row is filled up with to the longest one, again and again
-    filling: tuple[float, ...] = (0.0,)
+    #: {word: (fractions of the atoms, what to say of them)}
+    shares: Mapping[str, tuple] = MappingProxyType({})
+
+    def __init__(self, coeffs, *, units: str | Units = "metal", partition="equal"):
+        super().__init__(coeffs, units=units)
+        self.share(partition)
 
     @classmethod
-    def row(cls, numbers: Sequence[float], u: Units) -> Sequence[float]:
-        """The internal numbers of one coefficient line. Raises ValueError with what is wrong."""
+    def _from_input(cls, values, inp):
+        self = super()._from_input(values, inp)
+        self.share("equal")
+        return self
+
+    @property
+    def part_name(self) -> str:
+        return self.kind
+
+    def share(self, partition):
+        self.weights, self.shared = weights_of(partition, self.bodies, self.shares, f"{self.kind} {self.name}")
+
+    def describe(self) -> str:
+        return f"{self.kind} {self.name}, {self.shared}"
+
+
+class RowTerm:
+    """For terms whose coefficient lines have no fixed length. The class in front of a `BondedTerm`."""
+
+    @classmethod
+    def scaled(cls, numbers: Sequence[float], u: Units) -> Sequence[float]:
+        """The numbers of one coefficient line in internal units. Raises ValueError with what is wrong."""
         raise NotImplementedError
 
-    def __init__(self, coeffs, *, units: str | Units = "metal", **more):
-        coeffs = coeffs if isinstance(coeffs, Mapping) else {1: coeffs}
-        self.units = system(units)
+    def internal(self, coeffs):
         try:
-            rows = {int(t): self.row([float(x) for x in v], self.units) for t, v in coeffs.items()}
+            return {int(t): self.scaled([float(x) for x in np.atleast_1d(v)], self.units) for t, v in coeffs.items()}
         except ValueError as e:
             raise AtcError(f"{self.kind} style {self.name}: {e}") from None
-        self._set(rows)
-        if hasattr(self, "weights"):
-            self.share(more.pop("partition", "equal"))
-        if more:
-            raise TypeError(f"{type(self).__name__} has no parameter {next(iter(more))}")
-
-    def _set(self, values: Mapping, where: str = ""):
-        self.covered = frozenset(values)
-        self.table = filled(values, self.filling)
-        for t in values:
-            wrong = self.check(t)
-            if wrong:
-                raise AtcError(f"{where or self.name}: {self.kind} type {t} of style {self.name}: {wrong}")
 
     @classmethod
-    def _build(cls, inp):
-        inp.no_arguments()
+    def read(cls, inp, line):
+        try:
+            return cls.scaled([inp.number(w, 1.0, "a coefficient", line) for w in line.words], inp.units)
+        except ValueError as e:
+            raise inp.error(f"{inp.kind}_coeff of {inp.name}: {e}", line) from None
 
-        def read(line):
-            try:
-                return cls.row([inp.number(w, 1.0, "a coefficient", line) for w in line.words], inp.units)
-            except ValueError as e:
-                raise inp.error(f"{inp.kind}_coeff of {inp.name}: {e}", line) from None
 
-        return cls._from_input(inp.by_type(read), inp)
+class Idle:
+    """For styles ``zero``, which exert no force; they only make neighbours for special_bonds. The class in front of a
+    `BondedTerm`."""
+
+    name = "zero"
+
+    @classmethod
+    def read(cls, inp, line):
+        return ()
+
+    def describe(self):
+        return f"{self.kind} zero"
+
+    def prepare(self, frame):
+        self.terms_of(frame)
+        return Work()
 
 
 class CrossTerms:
@@ -251,22 +248,21 @@ class CrossTerms:
     LAMMPS.
     """
 
-    main: tuple[tuple[str, Callable[[Units], float]], ...]
-    crosses: Mapping[str, tuple[tuple[str, Callable[[Units], float]], ...]]
+    main: tuple[tuple[str, str | dict | float], ...]
+    crosses: Mapping[str, tuple[tuple[str, str | dict | float], ...]]
 
     @property
     def wants(self):
         return tuple(w for part in (self.main, *self.crosses.values()) for w in part)
 
     @classmethod
-    def _build(cls, inp):
+    def build(cls, inp):
         inp.no_arguments()
         parts = {"": cls.main, **cls.crosses}
         got: dict[int, dict[str, list]] = {}
         for line in inp.coeffs:
             word = line.words[0] if line.words and line.words[0] in cls.crosses else ""
-            wants = [(what, f(inp.units)) for what, f in parts[word]]
-            numbers = inp.numbers(line.words[1 if word else 0 :], wants, line)
+            numbers = inp.numbers(line.words[1 if word else 0 :], parts[word], line)
             for (t,) in line.covers(inp.n_types):
                 got.setdefault(t, {})[word] = numbers
         for t, has in got.items():
@@ -301,19 +297,6 @@ def whole(v: float, what: str, least: int | None = None) -> int:
     if not np.isfinite(v) or v != int(v) or (least is not None and v < least):
         raise ValueError(f"{what} must be a whole number{'' if least is None else f' from {least}'}, got {v:g}")
     return int(v)
-
-
-def _converted(term, coeffs, u):
-    out = {}
-    for t, v in coeffs.items():
-        v = tuple(np.atleast_1d(v).astype(float))
-        if len(v) != len(term.wants):
-            names = ", ".join(w for w, _ in term.wants)
-            raise AtcError(
-                f"{term.kind} style {term.name}: type {t} needs {names or 'no numbers'}, got {len(v)} numbers"
-            )
-        out[int(t)] = tuple(x * f(u) for x, (_, f) in zip(v, term.wants, strict=True))
-    return out
 
 
 class HybridTerm(Term):
@@ -414,7 +397,7 @@ def _build_hybrid(inp):
 
 
 def register_bonded(*classes):
-    """Make styles known by their names, each built from its coefficient lines by its `_build`."""
+    """Make styles known by their names, each built from its coefficient lines by its `build`."""
     for cls in classes:
-        STYLES[cls.kind][cls.name] = cls._build
+        STYLES[cls.kind][cls.name] = cls.build
         STYLES[cls.kind]["hybrid"] = _build_hybrid

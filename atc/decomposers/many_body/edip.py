@@ -13,7 +13,7 @@ import numpy as np
 from ...compiled import njit
 from ...errors import AtcError, AtcWarning
 from ...units import Units
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from .centred import Centred
 from .elements import mapped_line, mapped_style
 from .entries import Entry, OfEntries
@@ -289,7 +289,7 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
 mapped_style("edip/multi", ending=".edip", read=EDIP.from_file)
 
 
-@pair_style("edip")
+@pair_style("edip", mapped=True)
 def _edip(inp):
     path, elements, line = mapped_line(inp, ".edip")
     if len({e for e in elements if e}) > 1:
@@ -301,6 +301,3 @@ def _edip(inp):
         stacklevel=2,
     )
     return EDIP.from_file(path, elements, units=inp.units, where=line.where)
-
-
-MAPPED_STYLES.add("edip")

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import AtcError
 from ...frame import Frame
-from ..registry import MAPPED_STYLES, StyleInput, pair_style
+from ..registry import StyleInput, pair_style
 
 #: Symbols in the order of the nuclear charge, from 1.
 SYMBOLS = tuple(
@@ -93,8 +93,7 @@ def mapped_style(*names: str, ending: str, read, **more) -> None:
         path, elements, line = mapped_line(inp, ending)
         return read(path, elements, units=inp.units, where=line.where, **more)
 
-    MAPPED_STYLES.update(names)
-    pair_style(*names)(build)
+    pair_style(*names, mapped=True)(build)
 
 
 def named_elements(elements) -> list:

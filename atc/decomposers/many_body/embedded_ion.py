@@ -14,7 +14,7 @@ from ...frame import Frame
 from ...units import Units
 from ...units import units as system
 from ..base import Term, Work
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from .elements import ElementMap, not_as_wanted, of_each_type, whole_line
 from .embedded_atom import _place, cubic, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
@@ -310,10 +310,7 @@ def _outer(s0, s1, most, near, eta, psi, per_dr, q, out):
     return m
 
 
-MAPPED_STYLES.add("eim")
-
-
-@pair_style("eim")
+@pair_style("eim", mapped=True)
 def _eim(inp):
     wants = "pair_coeff * * <elements> <file.eim> <element of each atom type>"
     line = whole_line(inp, wants, 3)

@@ -8,7 +8,7 @@ from ...frame import Frame
 from ...units import Units
 from ...units import units as system
 from ..base import Term, Work
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from . import meam_reference
 from .elements import ElementMap, of_each_type, whole_line
 from .embedded_atom import spline
@@ -135,10 +135,7 @@ class _MEAMWork(NeighborWork):
 
 
 # meam/c is what older versions of LAMMPS call it.
-MAPPED_STYLES.update(("meam", "meam/c"))
-
-
-@pair_style("meam", "meam/c")
+@pair_style("meam", "meam/c", mapped=True)
 def _meam(inp):
     wants = "pair_coeff * * <library> <its elements> <parameter file or NULL> <element of each atom type>"
     line = whole_line(inp, wants, 4)

@@ -13,7 +13,7 @@ from ...errors import AtcError, located
 from ...frame import Frame
 from ...units import units as system
 from ..base import Potential
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from .edges import Edges
 from .elements import SYMBOLS, ElementMap, mapped_line
 from .nep_file import NEPFile, read_nep
@@ -166,10 +166,7 @@ def _core(file: NEPFile, where: str) -> np.ndarray:
     return out
 
 
-MAPPED_STYLES.update(("nep", "nep/cpu"))
-
-
-@pair_style("nep", "nep/cpu")
+@pair_style("nep", "nep/cpu", mapped=True)
 def _nep_style(inp):
     """``pair_style nep`` with ``pair_coeff * * nep.txt Te Pb``, or the older ``pair_style nep nep.txt`` with
     ``pair_coeff * *``, where types have the file's order."""

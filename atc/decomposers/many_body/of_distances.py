@@ -14,7 +14,7 @@ from ...units import Units
 from ...units import units as system
 from ..autodiff import compiled
 from ..base import Accumulator, Work
-from ..bonded.cluster import ClusterTerm, _cluster_bonds, first_not_finite, weights_of
+from ..bonded.cluster import ClusterTerm, cluster_bonds, first_not_finite, weights_of
 from ..recording import batch_source
 from .neighbor_work import NeighborWork, made, room, shares
 
@@ -346,7 +346,7 @@ class _TupleWork(NeighborWork):
             )
         acc.energy += float(U.sum())
         out = room(acc, G.size)
-        n = _cluster_bonds(atoms, x, U, G, term.weights, *out, shares(acc))
+        n = cluster_bonds(atoms, x, U, G, term.weights, *out, shares(acc))
         return made(acc, out, n)
 
 

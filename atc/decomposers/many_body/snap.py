@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...units import units as get_units
-from ..registry import MAPPED_STYLES, factor, pair_style
+from ..registry import factor, pair_style
 from .edges import Edges
 from .elements import ElementMap, mapped_line
 from .snap_file import SNAPFile, read_snap
@@ -84,10 +84,7 @@ class SNAP(Edges):
         return centres(*around, density, *tables, FACTORS, self.channels, expansion, units, g_end, energies)
 
 
-MAPPED_STYLES.add("snap")
-
-
-@pair_style("snap")
+@pair_style("snap", mapped=True)
 def _snap(inp):
     wants = "pair_coeff * * <coefficients> <parameters> <element of each atom type>"
     if inp.coeffs and len(inp.coeffs[0].words) < 3:

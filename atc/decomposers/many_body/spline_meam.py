@@ -12,7 +12,7 @@ from ...compiled import njit
 from ...errors import AtcError, AtcWarning
 from ...units import Units
 from ...units import units as system
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from .centred import Centred
 from .elements import ElementMap, mapped_line, named_elements
 from .neighborhood import around, share_half
@@ -305,7 +305,7 @@ def _centres(s0, s1, most, near, index, splines, G_end, S_end, out, energies):
     return n, total
 
 
-@pair_style("meam/spline", "meam/sw/spline")
+@pair_style("meam/spline", "meam/sw/spline", mapped=True)
 def _meam_spline(inp):
     stillinger_weber = inp.name == "meam/sw/spline"
     ending = ".meam.sw.spline" if stillinger_weber else ".meam.spline"
@@ -329,6 +329,3 @@ def _meam_spline(inp):
             f"{inp.command}: LAMMPS takes a file of one element for one atom type, got {' '.join(line.words[1:])}", line
         )
     return SplineMEAM(functions, elements, units=inp.units)
-
-
-MAPPED_STYLES.update(("meam/spline", "meam/sw/spline"))

@@ -24,7 +24,7 @@ from ...frame import Frame
 from ...units import Units
 from ...units import units as system
 from ..base import Work, two_body_sources
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from .elements import mapped_line, named_elements
 from .entries import OfTriplets
 from .neighbor_work import TripletWork, shares
@@ -287,7 +287,7 @@ class StillingerWeberMod(StillingerWeber):
         self.triplet[..., 2:] = self.deltas
 
 
-@pair_style("sw")
+@pair_style("sw", mapped=True)
 def _sw(inp):
     args = list(inp.args)
     threebody = True
@@ -299,7 +299,7 @@ def _sw(inp):
     return _from_line(inp, StillingerWeber, threebody=threebody)
 
 
-@pair_style("sw/mod")
+@pair_style("sw/mod", mapped=True)
 def _sw_mod(inp):
     term = _from_line(inp, StillingerWeberMod)
     if inp.args:
@@ -318,6 +318,3 @@ def _from_line(inp, kind, **more):
     """The potential of the one ``pair_coeff * *`` line."""
     path, elements, line = mapped_line(inp.replace(args=()), ".sw")
     return kind.from_file(path, elements, units=inp.units, where=line.where, **more)
-
-
-MAPPED_STYLES.add("sw/mod")

@@ -17,7 +17,7 @@ from ...frame import Frame
 from ...units import Units
 from ..base import Work
 from ..bonded.cluster import weights_of
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from .elements import mapped_line
 from .entries import OfEntries
 from .neighbor_work import NO_S, NeighborWork, made, room, shares
@@ -216,9 +216,6 @@ def bond_order_style(inp, kind, ending):
     return kind.from_file(path, elements, units=inp.units, shift=shift, where=line.where)
 
 
-MAPPED_STYLES.add("tersoff")
-
-
-@pair_style("tersoff")
+@pair_style("tersoff", mapped=True)
 def _tersoff(inp):
     return bond_order_style(inp, Tersoff, ".tersoff")

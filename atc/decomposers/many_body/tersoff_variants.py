@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...errors import AtcError
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from .entries import Entry
 from .tersoff import Tersoff, bond_order_style
 from .tersoff_file import TersoffEntry
@@ -180,5 +180,4 @@ for _kind, _ending in (
     (GaoWeber, ".gw"),
     (GaoWeberZBL, ".gw.zbl"),
 ):
-    MAPPED_STYLES.add(_kind.style)
-    pair_style(_kind.style)(lambda inp, kind=_kind, ending=_ending: bond_order_style(inp, kind, ending))
+    pair_style(_kind.style, mapped=True)(lambda inp, kind=_kind, ending=_ending: bond_order_style(inp, kind, ending))

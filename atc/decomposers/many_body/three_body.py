@@ -17,7 +17,7 @@ from ...errors import AtcError
 from ...frame import Frame
 from ...units import Units
 from ..base import Work
-from ..registry import MAPPED_STYLES, pair_style
+from ..registry import pair_style
 from .elements import mapped_line, mapped_style
 from .entries import Entry, OfTriplets
 from .neighbor_work import TripletWork, shares
@@ -380,7 +380,7 @@ class ScreenedTriplets(HarmonicTriplets):
         ) if e.rho > 0 else 0.0
 
 
-@pair_style("vashishta/table")
+@pair_style("vashishta/table", mapped=True)
 def _vashishta_table(inp):
     if len(inp.args) != 2 or not inp.args[0].isdigit():
         raise inp.wrong(f"{inp.command} takes the number of points and an inner cutoff")
@@ -394,7 +394,6 @@ def _vashishta_table(inp):
     return term
 
 
-MAPPED_STYLES.add("vashishta/table")
 mapped_style("vashishta", ending=".vashishta", read=Vashishta.from_file)
 mapped_style("nb3b/harmonic", ending=".nb3b.harmonic", read=HarmonicTriplets.from_file)
 mapped_style("nb3b/screened", ending=".nb3b.screened", read=ScreenedTriplets.from_file)

@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import AtcError
 from ...units import units
 from ..bonded.lepton import LeptonAngle, LeptonBond, LeptonTorsion
+from ..bonded.topology import SharedTerm
 from ..lepton import LeptonFormula
 from ..pairs.pairs import PairStyle
 
@@ -198,7 +199,7 @@ class _Formulas:
         self.numbers = {k: np.concatenate([[0.0], v]) for k, v in numbers.items()}
         bound = {t: _Bound(formula, {k: float(v[t]) for k, v in self.numbers.items()}) for t in range(1, n_types + 1)}
         self._set({t: (0.0, f) for t, f in bound.items()})
-        if hasattr(self, "weights"):
+        if isinstance(self, SharedTerm):
             self.share("equal")
 
     def values(self, x, types, size):

@@ -8,8 +8,7 @@ from ...errors import AtcError
 from ...frame import Frame
 from ...readers.whole import whole_text
 from ..base import Accumulator
-from ..bonded.cluster import ClusterTerm
-from ..bonded.topology import first_true
+from ..bonded.cluster import ClusterTerm, first_not_finite
 from ..registry import StyleInput, pair_style
 
 _PER_LENGTH = {"length": -1}
@@ -72,7 +71,7 @@ class ListedPairs(ClusterTerm):
                 if len(b):
                     u, du = _FORMULA[form](d[b], *p[b].T)
                     U[b], G[b, 0] = u, du / d[b]
-        return first_true(~np.isfinite(U + G[:, 0]))
+        return first_not_finite(U, G)
 
 
 def _lj(d, epsilon, sigma, *_):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,15 +9,13 @@ import numpy as np
 
 from ...compiled import njit
 from ...errors import AtcError
-from ...readers.lammps.sections import number_of, shortened
-from ...readers.whole import whole_text
 from ...units import LAMMPS_STYLES
 from ...units import units as get_units
 from ..registry import StyleInput, pair_style
+from ..table_file import read_table, spline_through
 from .input import fill
 from .pairs import PairStyle
 
-_LARGE = 1e100  # no energy or force of a table is as large
 _MOST = 10_000_000
 
 
@@ -41,85 +38,20 @@ def read_section(path: Path, keyword: str) -> TableSection:
 
     Raises AtcError for a missing section or parameter, too few lines, or entries that are not numbers.
     """
-    lines = whole_text(path, "table").splitlines()
-    tag = re.search(r"UNITS:\s*(\S+)", lines[0]) if lines else None
-    k = 0
-    found = []
-    while k < len(lines):
-        words = lines[k].split("#")[0].split()
-        if not words:
-            k += 1
-            continue
-        name, k = words[0], k + 1
-        while k < len(lines) and not lines[k].split("#")[0].split():
-            k += 1
-        if k == len(lines):
-            raise AtcError(f"{path}: section {shortened(name)} has no parameter line: expected 'N <count> ...'")
-        section, count = _parameters(lines[k].split("#")[0].split(), f"{path}, line {k + 1}")
-        k += 1
-        found.append(name)
-        rows = []
-        while len(rows) < count:
-            if k == len(lines):
-                raise AtcError(f"{path}: section {shortened(name)} ends after {len(rows)} of {count} entries")
-            words = lines[k].split("#")[0].split()
-            k += 1
-            if not words:
-                continue
-            if name == keyword:
-                row = [number_of(w) for w in words[:4]]
-                if len(row) < 4 or None in row or not max(map(abs, row)) < _LARGE:
-                    raise AtcError(
-                        f"{path}, line {k}: expected 'index r energy force', got {shortened(' '.join(words))!r}"
-                    )
-                rows.append(row)
-            else:
-                rows.append(())
-        if name != keyword:
-            continue
-        a = np.array(rows)
-        section.r, section.e, section.f = (np.ascontiguousarray(a[:, c]) for c in (1, 2, 3))
-        t = np.arange(count) / (count - 1)
-        if section.spacing == "R":
-            section.r = section.lo + (section.hi - section.lo) * t
-        elif section.spacing == "RSQ":
-            section.r = np.sqrt(section.lo**2 + (section.hi**2 - section.lo**2) * t)
-        if not (np.diff(section.r) > 0).all() or section.r[0] <= 0:
-            raise AtcError(
-                f"{path}: the distances of section {keyword} must be positive and increase from line to line"
-            )
-        section.units = tag.group(1) if tag else None
-        return section
-    raise AtcError(f"{path}: no section {keyword!r}: found {shortened(', '.join(found)) or 'none'}")
-
-
-def _parameters(words, where) -> tuple[TableSection, int]:
-    s, count, k = TableSection(None, None, None), 0, 0
-    try:
-        while k < len(words):
-            if words[k] == "N":
-                count, k = int(words[k + 1]), k + 2
-            elif words[k] in ("R", "RSQ"):
-                s.spacing, s.lo, s.hi, k = words[k], float(words[k + 1]), float(words[k + 2]), k + 3
-            elif words[k] in ("FP", "FPRIME"):
-                s.fprime, k = (float(words[k + 1]), float(words[k + 2])), k + 3
-            else:
-                raise AtcError(
-                    f"{where}: {shortened(words[k])} in a table's parameters is not supported: expected N, R, RSQ, "
-                    "FPRIME"
-                )
-    except (IndexError, ValueError):
-        raise AtcError(
-            f"{where}: expected 'N <count> [R|RSQ lo hi] [FPRIME lo hi]', got {shortened(' '.join(words))!r}"
-        ) from None
-    numbers = (s.lo, s.hi, *(s.fprime or ()))
-    if not all(abs(v) < _LARGE for v in numbers):
-        raise AtcError(
-            f"{where}: the numbers of a table's parameters must be finite, got {shortened(' '.join(words))!r}"
-        )
-    if count < 2:
-        raise AtcError(f"{where}: a table needs N of at least 2")
-    return s, count
+    ends = ("lo", "hi")
+    known = {"R": ends, "RSQ": ends, "FP": ends, "FPRIME": ends}
+    given, data = read_table(path, keyword, "pair", known, lambda given: ("r", "energy", "force"))
+    r, e, f = (np.ascontiguousarray(column) for column in data.T)
+    spacing = next((key for key in reversed(given) if key in ("R", "RSQ")), None)
+    lo, hi = given.get(spacing, (0.0, 0.0))
+    t = np.arange(len(r)) / (len(r) - 1)
+    if spacing == "R":
+        r = lo + (hi - lo) * t
+    elif spacing == "RSQ":
+        r = np.sqrt(lo**2 + (hi**2 - lo**2) * t)
+    if not (np.diff(r) > 0).all() or r[0] <= 0:
+        raise AtcError(f"{path}: the distances of section {keyword} must be positive and increase from line to line")
+    return TableSection(r, e, f, spacing, lo, hi, given.get("FPRIME", given.get("FP")), given["UNITS"])
 
 
 class Table(PairStyle):
@@ -216,20 +148,19 @@ class _Grid:
         if not spline and len(s.r) == n and s.spacing == "RSQ" and s.hi == cut:
             e, force = s.e, s.f
         else:
-            e2 = _spline(s.r, s.e, -s.f[0], -s.f[-1])
             lo, hi = s.fprime or ((s.f[1] - s.f[0]) / (s.r[1] - s.r[0]), (s.f[-1] - s.f[-2]) / (s.r[-1] - s.r[-2]))
-            f2 = _spline(s.r, s.f, lo, hi)
-            e, force = _splint(s.r, s.e, e2, r), _splint(s.r, s.f, f2, r)
+            force_at = spline_through(s.r, s.f, lo, hi)
+            e, force = spline_through(s.r, s.e, -s.f[0], -s.f[-1])(r), force_at(r)
         self.e, self.f = e, force / r
         self.e2 = self.f2 = np.zeros(n)
         if not spline:
             return
-        self.e2 = _spline(rsq, e, -force[0] / (2.0 * inner), -force[-1] / (2.0 * cut))
+        self.e2 = spline_through(rsq, e, -force[0] / (2.0 * inner), -force[-1] / (2.0 * cut))(rsq, 2)
         # d(f/r)/d(r²) at both ends: from FPRIME, or a secant over a tenth of a step.
         step = 0.1 * self.delta
 
         def h(x):
-            return _splint(s.r, s.f, f2, np.array([np.sqrt(x)]))[0] / np.sqrt(x)
+            return force_at(np.sqrt(x)) / np.sqrt(x)
 
         if s.fprime:
             g0 = (s.fprime[0] / inner - force[0] / self.inner2) / (2.0 * inner)
@@ -239,7 +170,7 @@ class _Grid:
             g1 = (s.fprime[1] / cut - force[-1] / cut**2) / (2.0 * cut)
         else:
             g1 = (force[-1] / cut - h(cut * cut - step)) / step
-        self.f2 = _spline(rsq, self.f, g0, g1)
+        self.f2 = spline_through(rsq, self.f, g0, g1)(rsq, 2)
 
 
 @pair_style("table")
@@ -286,35 +217,6 @@ def _converted(s: TableSection, inp: StyleInput, line) -> TableSection:
     L, E = u.length / inp.units.length, u.energy / inp.units.energy
     fp = None if s.fprime is None else tuple(v * E / L**2 for v in s.fprime)
     return TableSection(s.r * L, s.e * E, s.f * E / L, s.spacing, s.lo * L, s.hi * L, fp, inp.units.name)
-
-
-@njit(cache=True, error_model="numpy")
-def _spline(x, y, d0, d1):
-    """Second derivatives of the cubic spline through (x, y) with end slopes d0 and d1."""
-    n = len(x)
-    y2 = np.empty(n)
-    u = np.empty(n)
-    y2[0] = -0.5
-    u[0] = (3.0 / (x[1] - x[0])) * ((y[1] - y[0]) / (x[1] - x[0]) - d0)
-    for k in range(1, n - 1):
-        sig = (x[k] - x[k - 1]) / (x[k + 1] - x[k - 1])
-        p = sig * y2[k - 1] + 2.0
-        y2[k] = (sig - 1.0) / p
-        v = (y[k + 1] - y[k]) / (x[k + 1] - x[k]) - (y[k] - y[k - 1]) / (x[k] - x[k - 1])
-        u[k] = (6.0 * v / (x[k + 1] - x[k - 1]) - sig * u[k - 1]) / p
-    un = (3.0 / (x[n - 1] - x[n - 2])) * (d1 - (y[n - 1] - y[n - 2]) / (x[n - 1] - x[n - 2]))
-    y2[n - 1] = (un - 0.5 * u[n - 2]) / (0.5 * y2[n - 2] + 1.0)
-    for k in range(n - 2, -1, -1):
-        y2[k] = y2[k] * y2[k + 1] + u[k]
-    return y2
-
-
-def _splint(x, y, y2, at):
-    """The spline's values at points `at`."""
-    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
-    h = x[k + 1] - x[k]
-    a, b = (x[k + 1] - at) / h, (at - x[k]) / h
-    return a * y[k] + b * y[k + 1] + ((a**3 - a) * y2[k] + (b**3 - b) * y2[k + 1]) * h * h / 6.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
