@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import AtcError
 from ..base import Accumulator
 from ..bonded.cluster import ClusterTerm
-from ..pairs.gromacs import LennardJonesGromacs, _shift
+from ..pairs.gromacs import LennardJonesGromacs, joined_to_zero
 from ..pairs.lennard_jones import LennardJones
 from ..pairs.loop import pair_law
 from ..pairs.radial import ChargedStyle, RadialStyle
@@ -85,7 +85,7 @@ class LennardJonesShifted(LennardJonesGromacs):
     def columns(self, A, B, switch, cutoff):
         r = cutoff
         e, e1, e2 = A / r**12 - B / r**6, -12 * A / r**13 + 6 * B / r**7, 156 * A / r**14 - 42 * B / r**8
-        return A, B, switch, *_shift(e, e1, e2, switch, r)
+        return A, B, switch, *joined_to_zero(e, e1, e2, switch, r)
 
 
 #: By the words of `load.SWITCHES`.

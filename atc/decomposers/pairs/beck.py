@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..registry import StyleInput
 from .loop import pair_law
 from .radial import RadialStyle, one_cutoff
 
@@ -40,14 +39,4 @@ class Beck(RadialStyle):
         return x - c * (1.0 + square * s), -(x * (alpha / d + 6.0 * beta * d4) - c * s * (6.0 + 8.0 * square * s))
 
 
-def _beck_lines(inp: StyleInput) -> StyleInput:
-    """The lines with the constant put in its place."""
-    lines = tuple(
-        line.__class__(line.types, (*line.words[:5], str(_BECK), *line.words[5:]), line.where) for line in inp.coeffs
-    )
-    for line in inp.coeffs:
-        inp.numbers(line.words, (*Beck.numbers[:5], Beck.numbers[6]), line, optional=1)
-    return inp.replace(coeffs=lines)
-
-
-one_cutoff(Beck, lines=_beck_lines)
+one_cutoff(Beck, constants={"square": _BECK})

@@ -9,9 +9,12 @@ import numpy as np
 from ...compiled import njit
 from ..registry import StyleInput, pair_style
 from .coulomb import positive
+from .input import fill
+from .lennard_jones import LennardJones
 from .loop import pair_law
-from .radial import ChargedStyle, RadialStyle, inner_below_outer, mix_lj_distances, several_cutoffs
+from .radial import ChargedStyle, RadialStyle, four_cutoffs, inner_below_outer, mix_lj_distances
 
+_lj = LennardJones.law
 _LJ = (("epsilon", "energy"), ("sigma", "length"), ("inner", "length"), ("cutoff", "length"))
 
 # CHARMM's own Coulomb constant in kcal/mol Å/e², which LAMMPS takes for the force-shifted styles in units real.
@@ -32,19 +35,15 @@ class LennardJonesCharmm(RadialStyle):
     name = "lj/charmm"
     numbers = _LJ
     shifts = False
-    one_four = None
 
     def columns(self, epsilon, sigma, inner, cutoff):
         return 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, inner**2, (cutoff**2 - inner**2) ** -3.0, cutoff**2
 
     @pair_law
     def law(d2, a12, c6, inner2, inverse, outer2):
-        s2 = 1.0 / d2
-        s6 = s2 * s2 * s2
-        a = a12 * s6 * s6
-        c = c6 * s6
+        u, g = _lj(d2, a12, c6)
         S, dS = _switch(d2, outer2, inner2, inverse)
-        return (a - c) * S, -((12.0 * a - 6.0 * c) * s2 * S - 2.0 * (a - c) * dS)
+        return u * S, g * S + 2.0 * u * dS
 
 
 class LennardJonesCharmmFSW(RadialStyle):
@@ -59,7 +58,6 @@ class LennardJonesCharmmFSW(RadialStyle):
     name = "lj/charmmfsw"
     numbers = _LJ
     shifts = False
-    one_four = None
 
     def columns(self, epsilon, sigma, inner, cutoff):
         a, c = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
@@ -70,16 +68,14 @@ class LennardJonesCharmmFSW(RadialStyle):
 
     @pair_law
     def law(d2, a12, c6, inner2, inverse, offset, k12, k6, per_volume, outer2):
+        u, g = _lj(d2, a12, c6)
+        if d2 <= inner2:
+            return u + offset, g
         s2 = 1.0 / d2
         s6 = s2 * s2 * s2
-        a = a12 * s6 * s6
-        c = c6 * s6
-        g = (12.0 * a - 6.0 * c) * s2
-        if d2 <= inner2:
-            return a - c + offset, -g
         x = s6 - per_volume * per_volume
         y = np.sqrt(s6) - per_volume
-        return k12 * x * x - k6 * y * y, -(g * _switch(d2, outer2, inner2, inverse)[0])
+        return k12 * x * x - k6 * y * y, g * _switch(d2, outer2, inner2, inverse)[0]
 
 
 class CoulombCharmm(ChargedStyle):
@@ -156,45 +152,47 @@ class OneFour:
         self.inverse_cutoff = 1 / coulomb
 
 
-def _constant(inp: StyleInput, shifted: bool) -> float:
+def charmm_constant(inp: StyleInput, shifted: bool) -> float:
+    """C/ε of the style."""
     constant = inp.units.coulomb
     if shifted and inp.units.name == "real":
         constant = _CHARMM_CONSTANT * inp.units.energy * inp.units.length / inp.units.factor("charge") ** 2
     return constant / inp.dielectric
 
 
-def _coefficients(inp: StyleInput, inner, outer):
-    """Arrays epsilon, sigma, inner, outer (0 where the style does not act), and epsilon_14 and sigma_14."""
+def charmm_coefficients(inp: StyleInput, inner, outer):
+    """Arrays epsilon, sigma, inner, outer (0 where the style does not act), epsilon_14, sigma_14, and 1 where it
+    acts."""
     # CHARMM mixes arithmetically unless told otherwise.
     inp = inp.replace(modify=replace(inp.modify, mix=inp.modify.mix or "arithmetic"))
-    for line in inp.coeffs:
+    wants = (*_LJ[:2], ("epsilon_14", "energy"), ("sigma_14", "length"))
+
+    def read(line):
         if len(line.words) not in (2, 4):
             raise inp.wrong(f"pair_coeff of {inp.name} takes epsilon sigma [epsilon_14 sigma_14]", line)
-    doubled = tuple(
-        line.__class__(line.types, line.words * 2 if len(line.words) == 2 else line.words, line.where)
-        for line in inp.coeffs
-    )
-    wants = (*_LJ[:2], ("epsilon_14", "energy"), ("sigma_14", "length"))
+        e, s, e14, s14 = inp.numbers(line.words, wants, line, optional=2)
+        return (e, s, *((e, s) if e14 is None else (e14, s14)), 1.0)
 
     def mix(a, b, rule):
         return (*mix_lj_distances(a[:2], b[:2], rule), *mix_lj_distances(a[2:4], b[2:4], rule), 1.0)
 
-    doubled = tuple(line.__class__(line.types, (*line.words, "1"), line.where) for line in doubled)
-    arrays = several_cutoffs(inp.replace(coeffs=doubled), (*wants, ("on", "dimensionless")), (), mix)
-    epsilon, sigma, e14, s14, on = arrays
+    epsilon, sigma, e14, s14, on = fill(inp, inp.by_pair(read), 5, mix)
     return epsilon, sigma, on * inner, on * outer, e14, s14, on
+
+
+def three_cutoffs(inp: StyleInput) -> list[float | None]:
+    """inner and outer cutoffs of Lennard-Jones, and the one of Coulomb or None."""
+    names = ("inner LJ cutoff", "outer LJ cutoff", "Coulomb cutoff")
+    inner, outer, rc = inp.numbers(inp.args, [(n, "length") for n in names], optional=1)
+    inp.require(inner_below_outer(inner, outer, "LJ "))
+    return [inner, outer, rc]
 
 
 def _switched(coulomb, implicit):
     def build(inp: StyleInput):
-        names = ("inner LJ cutoff", "outer LJ cutoff", "inner Coulomb cutoff", "outer Coulomb cutoff")
-        if len(inp.args) == 3:
-            raise inp.wrong(f"{inp.command} takes two or four cutoffs")
-        inner, outer, inner_c, outer_c = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
-        if inner_c is None:
-            inner_c, outer_c = inner, outer
-        inp.require(inner_below_outer(inner, outer, "LJ ") or inner_below_outer(inner_c, outer_c, "Coulomb "))
-        *lj, e14, s14, on = _coefficients(inp, inner, outer)
+        inner, outer, inner_c, outer_c = four_cutoffs(inp)
+        inp.require(inner_below_outer(inner_c, outer_c, "Coulomb "))
+        *lj, e14, s14, on = charmm_coefficients(inp, inner, outer)
         style = LennardJonesCharmm.internal(*lj)
         charges = coulomb.of(inp, on * inner_c, on * outer_c)
         if implicit:
@@ -211,14 +209,12 @@ pair_style("lj/charmm/coul/charmm/implicit")(_switched(CoulombCharmmImplicit, Tr
 
 @pair_style("lj/charmmfsw/coul/charmmfsh")
 def _force_switched(inp: StyleInput):
-    names = ("inner LJ cutoff", "outer LJ cutoff", "Coulomb cutoff")
-    inner, outer, rc = inp.numbers(inp.args, [(n, "length") for n in names], optional=1)
-    inp.require(inner_below_outer(inner, outer, "LJ "))
+    inner, outer, rc = three_cutoffs(inp)
     rc = outer if rc is None else positive(inp, rc)
-    *lj, e14, s14, on = _coefficients(inp, inner, outer)
+    *lj, e14, s14, on = charmm_coefficients(inp, inner, outer)
     style = LennardJonesCharmmFSW.internal(*lj)
     charges = CoulombCharmmFSH.of(inp, on * rc)
-    charges.constant = _constant(inp, True)
+    charges.constant = charmm_constant(inp, True)
     style.one_four = OneFour(e14, s14, charges.constant, cutoffs=(inner, outer, rc))
     return [style, charges]
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
-from .input import mix_distance
 from .loop import pair_law
 from .radial import RadialStyle, mix_lj_distances, one_cutoff
 
@@ -47,10 +46,7 @@ class Colloid(RadialStyle):
 
 one_cutoff(
     Colloid,
-    mix=lambda a, b, rule: (
-        *mix_lj_distances(a[:2], b[:2], rule),
-        *(mix_distance(x, y, rule) for x, y in zip(a[2:], b[2:], strict=True)),
-    ),
+    mix=mix_lj_distances,
     check=lambda *v: (
         None if v[1] > 0 and v[2] >= 0 and v[3] >= 0 else "sigma must be positive and the diameters not negative"
     ),

@@ -14,13 +14,20 @@ from ...compiled import njit
 from ..long_range.split import ACCURACY, Split
 from ..registry import StyleInput, pair_style
 from .buckingham import Born, Buckingham
-from .charmm import LennardJonesCharmm, LennardJonesCharmmFSW, OneFour, _coefficients, _constant
+from .charmm import (
+    LennardJonesCharmm,
+    LennardJonesCharmmFSW,
+    OneFour,
+    charmm_coefficients,
+    charmm_constant,
+    three_cutoffs,
+)
 from .coulomb import coulomb_constant, positive, wanted_pairs
-from .input import named, pair_values
+from .input import named
 from .inverse_powers import NM, Class2, _exponents
 from .lennard_jones import LennardJones, mix_lj
 from .pairs import PairStyle
-from .radial import check_lines, inner_below_outer, mix_lj6
+from .radial import both_cutoffs, mix_lj6, short_values
 from .with_coulomb import positive_rho
 
 
@@ -109,10 +116,8 @@ def _with_long(name, cls, mix=None, check=None):
     """``pair_style NAME cutoff [cutoff_coul]``; the Coulomb part has one cutoff for all pairs of types."""
 
     def build(inp: StyleInput):
-        rc, rcoul = inp.numbers(inp.args, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
-        check_lines(inp, cls.numbers, check)
-        arrays = pair_values(inp, cls.numbers, optional=1, defaults=[rc], mix=mix)
-        return [cls.internal(*arrays, shift=inp.modify.shift), long_style(inp, rc if rcoul is None else rcoul)]
+        rc, rcoul = both_cutoffs(inp, inp.args)
+        return [cls.of(inp, *short_values(inp, cls.numbers, rc, mix, check)), long_style(inp, rcoul)]
 
     pair_style(name)(build)
 
@@ -126,12 +131,10 @@ _with_long("nm/cut/coul/long", NM, check=_exponents)
 
 def _charmm_long(name, cls, shifted):
     def build(inp: StyleInput):
-        names = ("inner LJ cutoff", "outer LJ cutoff", "Coulomb cutoff")
-        inner, outer, rc = inp.numbers(inp.args, [(n, "length") for n in names], optional=1)
-        inp.require(inner_below_outer(inner, outer, "LJ "))
-        *lj, e14, s14, _ = _coefficients(inp, inner, outer)
+        inner, outer, rc = three_cutoffs(inp)
+        *lj, e14, s14, _ = charmm_coefficients(inp, inner, outer)
         style = cls.internal(*lj)
-        constant = _constant(inp, shifted)
+        constant = charmm_constant(inp, shifted)
         # Dihedral style charmmfsw leaves the charges of its pairs alone here.
         style.one_four = OneFour(e14, s14, constant, cutoffs=(inner, outer, np.inf) if shifted else None)
         return [style, long_style(inp, outer if rc is None else rc, constant)]
@@ -143,23 +146,31 @@ _charmm_long("lj/charmm/coul/long", LennardJonesCharmm, False)
 _charmm_long("lj/charmmfsw/coul/long", LennardJonesCharmmFSW, True)
 
 
-@pair_style("lj/long/coul/long")
-def _lj_long(inp: StyleInput):
-    if len(inp.args) < 3:
+def lj_long(inp: StyleInput, words, coulomb) -> list:
+    """The styles of ``lj/long/…`` lines, `words` behind what they say of water: two flags and one or two cutoffs.
+
+    coulomb : function of a cutoff, the long-range Coulomb style
+    """
+    if len(words) < 3:
         raise inp.wrong(f"{inp.command} takes two flags and one or two cutoffs")
-    lj, coul, *cutoffs = inp.args
-    if lj not in ("long", "cut", "off") or coul not in ("long", "off", "cut"):
+    lj, coul, *cutoffs = words
+    if lj not in ("long", "cut", "off") or coul not in ("long", "off"):
         raise inp.error(
-            f"{inp.command} takes the flags long, cut or off (Lennard-Jones) and long or off (Coulomb), got {lj} {coul}"
+            f"{inp.command} takes the flags long, cut or off (Lennard-Jones) and long or off (Coulomb), as LAMMPS, got "
+            f"{lj} {coul}"
         )
-    if coul == "cut":
-        raise inp.error(f"{inp.command} {lj} cut: expected long or off for Coulomb, as in LAMMPS")
-    rc, rcoul = inp.numbers(cutoffs, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
-    arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rc], mix=mix_lj)
+    rc, rcoul = both_cutoffs(inp, cutoffs)
+    arrays = short_values(inp, LennardJones.numbers, rc, mix_lj)
+    out = []
     if lj == "long":
         from .lj_long import long_dispersion
 
         out = [long_dispersion(inp, *arrays)]
-    else:
-        out = [] if lj == "off" else [LennardJones.internal(*arrays, shift=inp.modify.shift)]
-    return [*out, long_style(inp, rc if rcoul is None else rcoul)] if coul == "long" else out
+    elif lj == "cut":
+        out = [LennardJones.of(inp, *arrays)]
+    return [*out, coulomb(rcoul)] if coul == "long" else out
+
+
+@pair_style("lj/long/coul/long")
+def _lj_long(inp: StyleInput):
+    return lj_long(inp, inp.args, lambda rc: long_style(inp, rc))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..registry import StyleInput, pair_style
-from .input import pair_values
+from .input import fill, pair_values
 from .loop import pair_law
 from .radial import RadialStyle, one_cutoff
 
@@ -126,18 +126,17 @@ one_cutoff(WangFrenkel, check=_whole)
 @pair_style("cosine/squared")
 def _cosine_squared_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
-    lines = []
-    for line in inp.coeffs:
+
+    def read(line):
         wca = line.words[-1:] == ("wca",)
         words = line.words[:-1] if wca else line.words
         e, s, cut = inp.numbers(words, [CosineSquared.numbers[k] for k in (0, 1, 3)], line, optional=1)
         cut = rc if cut is None else cut
         if cut < s or (cut == s and not wca):
             raise inp.wrong(f"{inp.command}: the cutoff must be larger than sigma (or equal with wca)", line)
-        lines.append(line.__class__(line.types, (*words[:2], "1" if wca else "0", *words[2:]), line.where))
-    return CosineSquared.internal(
-        *pair_values(inp.replace(coeffs=tuple(lines)), CosineSquared.numbers, optional=1, defaults=[rc])
-    )
+        return e, s, float(wca), cut
+
+    return CosineSquared.internal(*fill(inp, inp.by_pair(read), 4))
 
 
 @pair_style("harmonic/cut")
@@ -146,7 +145,6 @@ def _harmonic_cut_style(inp: StyleInput):
     return HarmonicCut.internal(*pair_values(inp, HarmonicCut.numbers, mix=None))
 
 
-_FRICTION = ("friction", _PLAIN)
 # Style: numbers in front of the cutoff on the pair_style line, and numbers of a pair_coeff line in front of its cutoff;
 # A where there is one.
 _DPD = {

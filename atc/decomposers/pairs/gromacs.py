@@ -7,12 +7,14 @@ import numpy as np
 
 from ..registry import StyleInput, pair_style
 from .input import fill
-from .lennard_jones import mix_lj
+from .lennard_jones import LennardJones, mix_lj
 from .loop import pair_law
-from .radial import ChargedStyle, RadialStyle, inner_below_outer, inner_outer, mix_lj_distances
+from .radial import ChargedStyle, RadialStyle, four_cutoffs, inner_outer, mix_lj_distances
+
+_lj = LennardJones.law
 
 
-def _shift(e, e1, e2, inner, outer):
+def joined_to_zero(e, e1, e2, inner, outer):
     """A/3, B/4, C of S(d) = A/3 t³ + B/4 t⁴ + C, t = d − inner, for a term with value, slope and curvature e, e1, e2 at
     the outer cutoff."""
     t = outer - inner
@@ -38,16 +40,12 @@ class LennardJonesGromacs(RadialStyle):
         e = a / r**12 - c / r**6
         e1 = -12 * a / r**13 + 6 * c / r**7
         e2 = 156 * a / r**14 - 42 * c / r**8
-        return a, c, inner, *_shift(e, e1, e2, inner, r)
+        return a, c, inner, *joined_to_zero(e, e1, e2, inner, r)
 
     @pair_law
     def law(d2, a12, c6, inner, A, B, C):
-        s2 = 1.0 / d2
-        s6 = s2 * s2 * s2
-        a = a12 * s6 * s6
-        c = c6 * s6
-        u = a - c + C
-        g = -(12.0 * a - 6.0 * c) * s2
+        u, g = _lj(d2, a12, c6)
+        u += C
         d = np.sqrt(d2)
         t = d - inner
         if t > 0.0:
@@ -67,7 +65,7 @@ class CoulombGromacs(ChargedStyle):
     numbers = (("inner", "length"), ("cutoff", "length"))
 
     def columns(self, inner, cutoff):
-        return inner, *_shift(1 / cutoff, -1 / cutoff**2, 2 / cutoff**3, inner, cutoff)
+        return inner, *joined_to_zero(1 / cutoff, -1 / cutoff**2, 2 / cutoff**3, inner, cutoff)
 
     @pair_law
     def law(d2, c, inner, A, B, C):
@@ -87,13 +85,7 @@ inner_outer(LennardJonesGromacs, mix=mix_lj_distances)
 
 @pair_style("lj/gromacs/coul/gromacs")
 def _both(inp: StyleInput):
-    names = ("inner LJ cutoff", "outer LJ cutoff", "inner Coulomb cutoff", "outer Coulomb cutoff")
-    if len(inp.args) == 3:
-        raise inp.wrong(f"{inp.command} takes two or four cutoffs")
-    inner, outer, inner_c, outer_c = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
-    if inner_c is None:
-        inner_c, outer_c = inner, outer
-    inp.require(inner_below_outer(inner, outer, "LJ "))
+    inner, outer, inner_c, outer_c = four_cutoffs(inp)
     inp.require(None if 0 <= inner_c < outer_c else "the inner Coulomb cutoff must be less than the outer one")
     given = inp.by_pair(lambda line: (*inp.numbers(line.words, LennardJonesGromacs.numbers[:2], line), 1.0))
     epsilon, sigma, on = fill(inp, given, 3, mix=mix_lj)

@@ -7,9 +7,11 @@ import numpy as np
 from ...compiled import njit
 from ..registry import StyleInput, pair_style
 from .input import fill, mix_distance
+from .lennard_jones import LennardJones
 from .loop import pair_law
 from .radial import RadialStyle, inner_outer, mix_lj_distances, several_cutoffs
 
+_law = LennardJones.law
 _LJ = (("epsilon", "energy"), ("sigma", "length"))
 
 
@@ -36,11 +38,8 @@ def _work(c, t):
 @njit(nogil=True, error_model="numpy", inline="always")
 def _lj_of(d2, a12, c6, constant):
     """U and U'/d of Lennard-Jones and a constant."""
-    s2 = 1.0 / d2
-    s6 = s2 * s2 * s2
-    a = a12 * s6 * s6
-    c = c6 * s6
-    return a - c + constant, -(12.0 * a - 6.0 * c) * s2
+    u, g = _law(d2, a12, c6)
+    return u + constant, g
 
 
 @njit(nogil=True, error_model="numpy", inline="always")

@@ -6,9 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
+from .lennard_jones import LennardJones
 from .loop import pair_law
 from .radial import RadialStyle, inner_outer, mix_lj_distances
 
+_lj = LennardJones.law
 _CUTOFFS = (("inner", "length"), ("cutoff", "length"))
 
 
@@ -28,13 +30,10 @@ class LennardJonesMDF(RadialStyle):
 
     @pair_law
     def law(d2, a12, c6, inner, inverse_width):
+        u, g = _lj(d2, a12, c6)
         d = np.sqrt(d2)
-        s2 = 1.0 / d2
-        s6 = s2 * s2 * s2
-        a = a12 * s6 * s6
-        c = c6 * s6
         f, df = _taper(d, inner, inverse_width)
-        return (a - c) * f, -((12.0 * a - 6.0 * c) * s2 * f - (a - c) * df / d)
+        return u * f, g * f + u * df / d
 
 
 class LennardMDF(LennardJonesMDF):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..registry import StyleInput, pair_style
-from .input import pair_values
 from .loop import pair_law
 from .radial import RadialStyle, one_cutoff
 
@@ -53,9 +51,9 @@ class MorseSmoothLinear(RadialStyle):
 
     @pair_law
     def law(d2, d0, alpha, r0, constant, slope):
+        u, g = _morse(d2, d0, alpha, r0)
         d = np.sqrt(d2)
-        x = np.exp(-alpha * (d - r0))
-        return d0 * (x * x - 2.0 * x) - constant - slope * d, -(2.0 * d0 * alpha * (x * x - x) + slope) / d
+        return u - constant - slope * d, g - slope / d
 
 
 class Pedone(RadialStyle):
@@ -103,13 +101,13 @@ class MOMB(RadialStyle):
 
     @pair_law
     def law(d2, d0, alpha, r0, c6, per_rr, damping):
+        u, g = _morse(d2, d0, alpha, r0)
         d = np.sqrt(d2)
         s2 = 1.0 / d2
-        x = np.exp(-alpha * (d - r0))
         e = np.exp(-(per_rr * d - damping))
         f = 1.0 / (1.0 + e)
         c = c6 * s2 * s2 * s2 * f
-        return d0 * (x * x - 2.0 * x) - c, -((2.0 * d0 * alpha * (x * x - x) + c * per_rr * e * f) / d - 6.0 * c * s2)
+        return u - c, g - c * per_rr * e * f / d + 6.0 * c * s2
 
 
 one_cutoff(Morse)
@@ -117,9 +115,4 @@ one_cutoff(MorseSmoothLinear)
 one_cutoff(Pedone)
 
 
-@pair_style("momb")
-def _momb_style(inp: StyleInput):
-    rc, s6, damping = inp.numbers(inp.args, [("cutoff", "length"), ("s6", "dimensionless"), ("d", "dimensionless")])
-    *each, cutoff = pair_values(inp, (*MOMB.numbers[:5], MOMB.numbers[-1]), optional=1, defaults=[rc])
-    same = (np.full_like(cutoff, v) for v in (s6, damping))
-    return MOMB.internal(*each, *same, cutoff, shift=inp.modify.shift)
+one_cutoff(MOMB, line=("cutoff", "s6", "damping"))

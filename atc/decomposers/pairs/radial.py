@@ -8,15 +8,38 @@ import numpy as np
 
 from ...errors import AtcError
 from ...units import units as get_units
-from ..registry import StyleInput, pair_style
+from ..registry import StyleInput, factor, pair_style
 from .input import fill, mix_distance, mix_energy, pair_values
 from .loop import charged_loop, one_type_loop, pair_loop
 from .pairs import ONES, PairStyle
 
-_LENGTH = "length"
+CUTOFF, COULOMB_CUTOFF = ("cutoff", "length"), ("Coulomb cutoff", "length")
 
 
-class RadialStyle(PairStyle):
+class LawStyle(PairStyle):
+    """A style whose numbers make the coefficients of a `law` that is compiled into a loop over pairs."""
+
+    #: the ``@pair_law`` function of d² and the coefficients
+    law: Callable
+
+    def columns(self, *numbers) -> tuple:
+        """The law's coefficients from arrays of `numbers`, internal units. Entries of pairs without interaction do not
+        matter."""
+        return numbers[:-1]
+
+    def in_order(self, values, named) -> list:
+        """The numbers given by place and by name, in the order of `numbers`."""
+        names = [name for name, _ in self.numbers]
+        given = dict(zip(names, values, strict=False)) | named
+        if len(values) > len(names) or sorted(given) != sorted(names):
+            raise AtcError(
+                f"{type(self).__name__} takes {', '.join(names)}; got "
+                f"{', '.join(map(str, [*values, *named])) or 'nothing'}"
+            )
+        return [given[name] for name in names]
+
+
+class RadialStyle(LawStyle):
     """A formula U(d) of a few numbers for each pair of types.
 
     Subclasses say which numbers (`numbers`, the cutoff last) and what the `law` is; it is compiled into the one loop
@@ -33,10 +56,7 @@ class RadialStyle(PairStyle):
     n_types : number of types that single numbers stand for (default 1)
     """
 
-    #: ``@pair_law`` function (d², *coefficients) → U, U'/d
-    law: Callable
-    #: or a loop of the style's own, a numba function (types, i, j, d2, weights, table, U, G)
-    kernel: Callable | None = None
+    # law : (d², *coefficients) → U, U'/d
     #: whether the law is so cheap, and finite beyond the cutoff, that for one type computing all pairs is faster than
     #: asking which are within
     simd = False
@@ -44,12 +64,12 @@ class RadialStyle(PairStyle):
     shifts = True
 
     def __init__(self, *values, units, shift: bool = False, n_types: int | None = None, **named):
-        self._take(_in_order(self, values, named), units, n_types, shift)
+        self._take(self.in_order(values, named), units, n_types, shift)
 
-    def columns(self, *numbers) -> tuple:
-        """The law's coefficients from arrays of `numbers`, internal units. Entries of pairs without interaction do not
-        matter."""
-        return numbers[:-1]
+    @classmethod
+    def of(cls, inp: StyleInput, *arrays):
+        """From (n_types + 1, n_types + 1) arrays of `numbers`, internal units, as the lines say."""
+        return cls.internal(*arrays, shift=inp.modify.shift)
 
     def chosen_law(self) -> Callable:
         """The law, for styles that have several."""
@@ -83,10 +103,10 @@ class RadialStyle(PairStyle):
             self._loop()(types, i, j, d2, weights, self.table, U, G)
 
     def _loop(self):
-        return type(self).kernel or pair_loop(self.chosen_law(), self.table.shape[-1])
+        return pair_loop(self.chosen_law(), self.table.shape[-1])
 
 
-class ChargedStyle(PairStyle):
+class ChargedStyle(LawStyle):
     """C q_i q_j times a function of the distance, C the Coulomb constant of the unit style over the dielectric
     constant.
 
@@ -103,15 +123,12 @@ class ChargedStyle(PairStyle):
     n_types : number of types that single numbers stand for (default 1)
     """
 
-    #: ``@pair_law`` function (d², C q_i q_j, *coefficients) → U, U'/d
-    law: Callable
-    #: or a loop of the style's own, a numba function (types, i, j, d2, weights, table, constant, charges, U, G)
-    kernel: Callable | None = None
+    # law : (d², C q_i q_j, *coefficients) → U, U'/d
     weight = "coul"
     needs_charges = True
 
     def __init__(self, *values, units, dielectric: float = 1.0, n_types: int | None = None, **named):
-        self._take(_in_order(self, values, named), units, n_types, False)
+        self._take(self.in_order(values, named), units, n_types, False)
         self.constant = get_units(units).coulomb / dielectric
 
     @classmethod
@@ -122,10 +139,6 @@ class ChargedStyle(PairStyle):
         style.constant = inp.units.coulomb / inp.dielectric
         return style
 
-    def columns(self, *numbers) -> tuple:
-        """The law's coefficients from arrays of `numbers`, internal units."""
-        return numbers[:-1]
-
     def fill(self, *numbers, shift):
         with np.errstate(all="ignore"):
             self._set(numbers[-1], *self.columns(*numbers))
@@ -134,65 +147,81 @@ class ChargedStyle(PairStyle):
         return frame.charges
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        loop = type(self).kernel or charged_loop(type(self).law, self.table.shape[-1], self.keeps_excluded)
+        loop = charged_loop(type(self).law, self.table.shape[-1], self.keeps_excluded)
         loop(types, i, j, d2, weights, self.table, self.constant, prepared, U, G)
-
-
-def _in_order(style, values, named) -> list:
-    names = [name for name, _ in style.numbers]
-    given = dict(zip(names, values, strict=False)) | named
-    if len(values) > len(names) or sorted(given) != sorted(names):
-        raise AtcError(
-            f"{type(style).__name__} takes {', '.join(names)}; got "
-            f"{', '.join(map(str, [*values, *named])) or 'nothing'}"
-        )
-    return [given[name] for name in names]
 
 
 # What LAMMPS's lines look like
 # --------------------------------------------------------------------------------------------------------------
 
 
+def mix_lj_distances(a, b, rule):
+    """epsilon and sigma mixed as energies and distances, all numbers behind them as distances."""
+    more = tuple(mix_distance(x, y, rule) for x, y in zip(a[1:], b[1:], strict=True))
+    return (mix_energy(a[0], b[0], a[1], b[1], rule), *more)
+
+
 def mix_lj(a, b, rule):
     """LAMMPS's mixing of (epsilon, sigma, ..., cutoff): what lies between sigma and the cutoff is averaged."""
-    between = tuple(0.5 * (x + y) for x, y in zip(a[2:-1], b[2:-1], strict=True))
-    return (
-        mix_energy(a[0], b[0], a[1], b[1], rule),
-        mix_distance(a[1], b[1], rule),
-        *between,
-        mix_distance(a[-1], b[-1], rule),
-    )
+    e, s, *_, cutoff = mix_lj_distances((*a[:2], a[-1]), (*b[:2], b[-1]), rule)
+    return (e, s, *(0.5 * (x + y) for x, y in zip(a[2:-1], b[2:-1], strict=True)), cutoff)
 
 
 def mix_lj6(a, b, rule):
     """As `mix_lj` where epsilon and sigma are always mixed by the sixth power (LAMMPS's class2 styles); cutoffs follow
     the rule."""
     more = tuple(mix_distance(x, y, rule) for x, y in zip(a[2:], b[2:], strict=True))
-    return (mix_energy(a[0], b[0], a[1], b[1], "sixthpower"), mix_distance(a[1], b[1], "sixthpower"), *more)
+    return (*mix_lj_distances(a[:2], b[:2], "sixthpower"), *more)
 
 
-def mix_lj_distances(a, b, rule):
-    """epsilon and sigma mixed as energies and distances, all numbers behind them as distances."""
-    more = tuple(mix_distance(x, y, rule) for x, y in zip(a[2:], b[2:], strict=True))
-    return (mix_energy(a[0], b[0], a[1], b[1], rule), mix_distance(a[1], b[1], rule), *more)
+def mix_prefactor(a, b, rule):
+    """(prefactor, cutoff): the prefactor's mean is geometric, as there is no sigma, also under sixthpower."""
+    return mix_energy(a[0], b[0], 1.0, 1.0, rule), mix_distance(a[1], b[1], rule)
 
 
-def one_cutoff(cls, *, mix=None, check=None, names=(), lines=None):
+def one_cutoff(cls, *, mix=None, check=None, names=(), line=("cutoff",), constants=None):
     """Register a style of the form ``pair_style NAME cutoff`` and ``pair_coeff i j numbers [cutoff]``.
 
     check : function (numbers of a line, internal units) → what is wrong with them, or None
     names : LAMMPS names, default the class's own
-    lines : function of the `StyleInput` that completes its lines first
+    line : the numbers of the pair_style line, where some are the same for all pairs of types
+    constants : {number: value} of those that no line says
     """
 
     def build(inp: StyleInput):
-        inp = inp if lines is None else lines(inp)
-        (rc,) = inp.numbers(inp.args, [("cutoff", _LENGTH)])
-        check_lines(inp, cls.numbers, check)
-        return cls.internal(*pair_values(inp, cls.numbers, optional=1, defaults=[rc], mix=mix), shift=inp.modify.shift)
+        dimensions = dict(cls.numbers)
+        given = dict(zip(line, inp.numbers(inp.args, [(w, dimensions[w]) for w in line]), strict=True))
+        rc = given.pop("cutoff")
+        given |= {name: value * factor(inp.units, dimensions[name]) for name, value in (constants or {}).items()}
+        own = [number for number in cls.numbers if number[0] not in given]
+        arrays = short_values(inp, own, rc, mix, check)
+        of = dict(zip((name for name, _ in own), arrays, strict=True))
+        return cls.of(inp, *(of[n] if n in of else np.full_like(arrays[0], given[n]) for n, _ in cls.numbers))
 
     pair_style(*(names or (cls.name,)))(build)
     return build
+
+
+def short_values(inp: StyleInput, wants, cutoff, mix=None, check=None) -> list[np.ndarray]:
+    """`pair_values` of lines ``pair_coeff i j numbers [cutoff]``, whose numbers `check` may object to."""
+    check_lines(inp, wants, check)
+    return pair_values(inp, wants, optional=1, defaults=[cutoff], mix=mix)
+
+
+def both_cutoffs(inp: StyleInput, words, front=()) -> list[float]:
+    """The numbers of a line ``<front> cutoff [cutoff_coul]``; one cutoff is for both parts."""
+    *front, rc, rcoul = inp.numbers(words, [*front, CUTOFF, COULOMB_CUTOFF], optional=1)
+    return [*front, rc, rc if rcoul is None else rcoul]
+
+
+def four_cutoffs(inp: StyleInput) -> list[float]:
+    """inner and outer cutoffs of Lennard-Jones, and of Coulomb (those of Lennard-Jones if it has none)."""
+    names = ("inner LJ cutoff", "outer LJ cutoff", "inner Coulomb cutoff", "outer Coulomb cutoff")
+    if len(inp.args) == 3:
+        raise inp.wrong(f"{inp.command} takes two or four cutoffs")
+    inner, outer, *coulomb = inp.numbers(inp.args, [(n, "length") for n in names], optional=2)
+    inp.require(inner_below_outer(inner, outer, "LJ "))
+    return [inner, outer, *((inner, outer) if coulomb[0] is None else coulomb)]
 
 
 def check_lines(inp: StyleInput, wants, check, optional: int = 1) -> None:
@@ -229,14 +258,13 @@ def inner_below_outer(inner: float, outer: float, what: str = "") -> str | None:
     return None
 
 
-def inner_outer(cls, *, mix=None, name=None):
+def inner_outer(cls, *, mix=None):
     """Register a style of the form ``pair_style NAME inner outer`` and ``pair_coeff i j numbers [inner outer]``."""
 
     def build(inp: StyleInput):
-        cutoffs = inp.numbers(inp.args, [("inner cutoff", _LENGTH), ("outer cutoff", _LENGTH)])
+        cutoffs = inp.numbers(inp.args, [("inner cutoff", "length"), ("outer cutoff", "length")])
         inp.require(inner_below_outer(*cutoffs))
         arrays = several_cutoffs(inp, cls.numbers, cutoffs, mix, check=lambda *v: inner_below_outer(*v[-2:]))
-        return cls.internal(*arrays, shift=inp.modify.shift)
+        return cls.of(inp, *arrays)
 
-    pair_style(name or cls.name)(build)
-    return build
+    pair_style(cls.name)(build)

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..registry import StyleInput, pair_style
-from .input import one_cutoff_each, pair_values
+from .input import mix_distance, one_cutoff_each, pair_values
 from .loop import pair_law
-from .radial import ChargedStyle
+from .radial import ChargedStyle, one_cutoff
 
 _CUTOFF = ("cutoff", "length")
 _PER_LENGTH = {"length": -1}
@@ -88,19 +88,12 @@ class CoulombExclude(ChargedStyle):
         return 0.0, 0.0
 
 
-def _one_number(cls, wants):
-    """``pair_style NAME number cutoff``, ``pair_coeff i j [cutoff]``; cutoffs are mixed."""
-
-    def build(inp: StyleInput):
-        number, rc = inp.numbers(inp.args, [wants, _CUTOFF])
-        cutoff = one_cutoff_each(inp, rc)
-        return cls.of(inp, np.full_like(cutoff, number), cutoff)
-
-    pair_style(cls.name)(build)
+def _mix_cutoffs(a, b, rule):
+    return (mix_distance(a[0], b[0], rule),)
 
 
-_one_number(CoulombDebye, ("kappa", _PER_LENGTH))
-_one_number(CoulombSlater, ("lambda", "length"))
+one_cutoff(CoulombDebye, mix=_mix_cutoffs, line=("kappa", "cutoff"))
+one_cutoff(CoulombSlater, mix=_mix_cutoffs, line=("decay", "cutoff"))
 
 
 @pair_style("coul/diel")

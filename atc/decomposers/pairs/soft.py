@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..registry import StyleInput, pair_style
-from .input import mix_distance, mix_energy, pair_values
 from .loop import pair_law
-from .radial import RadialStyle
+from .radial import RadialStyle, mix_prefactor, one_cutoff
 
 
 class Soft(RadialStyle):
@@ -36,12 +34,4 @@ class Soft(RadialStyle):
         return A * (1.0 + np.cos(k * d)), -A * k * (np.sin(k * d) / d if d > 0.0 else k)
 
 
-def _mix(a, b, rule):
-    # As LAMMPS does it, also under sixthpower: the prefactor's mean is geometric (there is no sigma).
-    return mix_energy(a[0], b[0], 1.0, 1.0, rule), mix_distance(a[1], b[1], rule)
-
-
-@pair_style("soft")
-def _soft_style(inp: StyleInput):
-    (rc,) = inp.numbers(inp.args, [("cutoff", "length")])
-    return Soft.internal(*pair_values(inp, Soft.numbers, optional=1, defaults=[rc], mix=_mix))
+one_cutoff(Soft, mix=mix_prefactor)

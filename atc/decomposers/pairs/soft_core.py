@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..registry import StyleInput, pair_style
-from .input import mix_distance, pair_values
+from .input import mix_distance
 from .loop import pair_law
 from .morse import Morse
-from .radial import ChargedStyle, RadialStyle, mix_lj6, mix_lj_distances
+from .radial import ChargedStyle, RadialStyle, mix_lj6, mix_lj_distances, one_cutoff
 
 _PLAIN = "dimensionless"
 _LJ = (
@@ -113,40 +112,12 @@ mix_soft = _same_activation(mix_lj_distances)
 mix_soft6 = _same_activation(mix_lj6)
 
 
-def _activated(*numbers):
-    return None if 0 <= numbers[2] <= 1 else "lambda must be between 0 and 1"
+def _mix_fading(a, b, rule):
+    """(λ, cutoff): LAMMPS mixes only types with one λ."""
+    return (a[0] if a[0] == b[0] else np.nan, mix_distance(a[1], b[1], rule))
 
 
-def _lj_soft(cls, mix):
-    def build(inp: StyleInput):
-        n, alpha, rc = inp.numbers(inp.args, [("n", _PLAIN), ("alpha_LJ", _PLAIN), ("cutoff", "length")])
-        e, s, activation, cutoff = pair_values(inp, (*_LJ[:3], _LJ[-1]), optional=1, defaults=[rc], mix=mix)
-        return cls.internal(
-            e, s, activation, np.full_like(e, n), np.full_like(e, alpha), cutoff, shift=inp.modify.shift
-        )
-
-    pair_style(cls.name)(build)
-
-
-_lj_soft(LennardJonesSoft, mix_soft)
-_lj_soft(Class2Soft, mix_soft6)
-
-
-@pair_style("coul/cut/soft")
-def _coul_soft_style(inp: StyleInput):
-    n, alpha, rc = inp.numbers(inp.args, [("n", _PLAIN), ("alpha_C", {"length": 2}), ("cutoff", "length")])
-
-    def mix(a, b, rule):
-        return (a[0] if a[0] == b[0] else np.nan, mix_distance(a[1], b[1], rule))
-
-    activation, cutoff = pair_values(inp, CoulombSoft.numbers[::3], optional=1, defaults=[rc], mix=mix)
-    return CoulombSoft.of(inp, activation, np.full_like(cutoff, n), np.full_like(cutoff, alpha), cutoff)
-
-
-@pair_style("morse/soft")
-def _morse_soft_style(inp: StyleInput):
-    n, threshold, rc = inp.numbers(inp.args, [("n", _PLAIN), ("lf", _PLAIN), ("cutoff", "length")])
-    wants = (*MorseSoft.numbers[:4], MorseSoft.numbers[-1])
-    *morse, cutoff = pair_values(inp, wants, optional=1, defaults=[rc])
-    same = (np.full_like(cutoff, v) for v in (n, threshold))
-    return MorseSoft.internal(*morse, *same, cutoff, shift=inp.modify.shift)
+one_cutoff(LennardJonesSoft, mix=mix_soft, line=("n", "alpha", "cutoff"))
+one_cutoff(Class2Soft, mix=mix_soft6, line=("n", "alpha", "cutoff"))
+one_cutoff(CoulombSoft, mix=_mix_fading, line=("n", "alpha", "cutoff"))
+one_cutoff(MorseSoft, line=("n", "threshold", "cutoff"))

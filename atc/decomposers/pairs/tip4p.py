@@ -13,11 +13,12 @@ from ...frame import Frame
 from ...neighbors.verlet import using
 from ..constraints.virtual_sites import FrameWithSites, Places
 from ..registry import StyleInput, pair_style
-from .coulomb import cut_style
-from .coulomb_long import long_style
-from .input import named, pair_values
+from .coulomb import CoulombCut, wanted_pairs
+from .coulomb_long import lj_long, long_style
+from .input import named
 from .lennard_jones import LennardJones, mix_lj
 from .pairs import Pairs
+from .radial import CUTOFF, both_cutoffs, short_values
 
 
 @dataclass
@@ -138,64 +139,39 @@ def _water(inp: StyleInput, words):
     return TIP4PLine(*words[:4], distance, inp.where), words[5:]
 
 
-def _on_sites(style, line):
+def _coulomb(inp: StyleInput, line, rc: float, long: bool):
+    style = long_style(inp, rc) if long else CoulombCut.of(inp, np.where(wanted_pairs(inp), rc, 0.0))
     style.water = line
     return style
 
 
-def _coulomb(inp: StyleInput, line, rc: float, long: bool):
-    if long:
-        return _on_sites(long_style(inp, rc), line)
-    on = np.zeros((inp.n_types + 1, inp.n_types + 1))
-    on[1:, 1:] = rc
-    return _on_sites(cut_style(inp, on if inp.wanted is None else np.where(inp.wanted, on, 0.0)), line)
+def _with_water(long: bool):
+    """Of the styles with Lennard-Jones, and with charges alone."""
+    ending = "long" if long else "cut"
 
-
-def _lj(name, long):
-    def build(inp: StyleInput):
+    @pair_style(f"lj/cut/tip4p/{ending}")
+    def _lj(inp: StyleInput):
         line, cutoffs = _water(inp, inp.args)
-        rc, rcoul = inp.numbers(cutoffs, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
-        arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rc], mix=mix_lj)
-        coulomb = _coulomb(inp, line, rc if rcoul is None else rcoul, long)
-        return [LennardJones.internal(*arrays, shift=inp.modify.shift), coulomb]
+        rc, rcoul = both_cutoffs(inp, cutoffs)
+        lj = LennardJones.of(inp, *short_values(inp, LennardJones.numbers, rc, mix_lj))
+        return [lj, _coulomb(inp, line, rcoul, long)]
 
-    pair_style(name)(build)
-
-
-def _alone(name, long):
-    def build(inp: StyleInput):
+    @pair_style(f"tip4p/{ending}")
+    def _alone(inp: StyleInput):
         line, cutoffs = _water(inp, inp.args)
-        (rc,) = inp.numbers(cutoffs, [("cutoff", "length")])
+        (rc,) = inp.numbers(cutoffs, [CUTOFF])
         named(inp)
         return _coulomb(inp, line, rc, long)
 
-    pair_style(name)(build)
 
-
-_lj("lj/cut/tip4p/long", True)
-_lj("lj/cut/tip4p/cut", False)
-_alone("tip4p/long", True)
-_alone("tip4p/cut", False)
+_with_water(True)
+_with_water(False)
 
 
 @pair_style("lj/long/tip4p/long")
 def _lj_long(inp: StyleInput):
-    if len(inp.args) < 2 or inp.args[0] not in ("long", "cut", "off") or inp.args[1] not in ("long", "off"):
-        raise inp.error(
-            f"{inp.command} takes the flags long, cut or off (Lennard-Jones) and long or off (Coulomb), got "
-            f"{' '.join(inp.args[:2]) or 'nothing'}"
-        )
     line, cutoffs = _water(inp, inp.args[2:])
-    rc, rcoul = inp.numbers(cutoffs, [("cutoff", "length"), ("Coulomb cutoff", "length")], optional=1)
-    arrays = pair_values(inp, LennardJones.numbers, optional=1, defaults=[rc], mix=mix_lj)
-    out = []
-    if inp.args[0] == "long":
-        from .lj_long import long_dispersion
-
-        out = [long_dispersion(inp, *arrays)]
-    elif inp.args[0] == "cut":
-        out = [LennardJones.internal(*arrays, shift=inp.modify.shift)]
-    return [*out, _coulomb(inp, line, rc if rcoul is None else rcoul, True)] if inp.args[1] == "long" else out
+    return lj_long(inp, (*inp.args[:2], *cutoffs), lambda rc: _coulomb(inp, line, rc, True))
 
 
 #: Which number of a coefficient line is the length of a bond, or the angle, at rest.

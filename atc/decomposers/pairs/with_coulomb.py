@@ -6,11 +6,11 @@ import numpy as np
 
 from ..registry import StyleInput, pair_style
 from .buckingham import Born, Buckingham, positive_rho
-from .coulomb import CoulombDSF, CoulombDSFExact, CoulombWolf, coulomb_constant, cut_style, positive, wanted_pairs
-from .input import fill, mix_distance, pair_values
+from .coulomb import CoulombCut, CoulombDSF, CoulombDSFExact, CoulombWolf, coulomb_constant, positive, wanted_pairs
+from .input import fill, mix_distance
 from .inverse_powers import NM, Class2
 from .lennard_jones import LennardJones, mix_lj
-from .radial import check_lines, mix_lj6
+from .radial import COULOMB_CUTOFF, CUTOFF, both_cutoffs, mix_lj6, short_values
 from .screened_coulomb import CoulombDebye
 from .soft_core import Class2Soft, CoulombSoft, LennardJonesSoft, mix_soft, mix_soft6
 
@@ -28,12 +28,10 @@ def two_cutoffs(inp: StyleInput, front, numbers, mix=None, check=None):
     -------
     the front numbers, the arrays of `numbers`, the short-range cutoffs and the Coulomb cutoffs, internal units
     """
-    cutoffs = [("cutoff", "length"), ("Coulomb cutoff", "length")]
-    *front, rc, rcoul = inp.numbers(inp.args, [*front, *cutoffs], optional=1)
-    rcoul = rc if rcoul is None else rcoul
+    *front, rc, rcoul = both_cutoffs(inp, inp.args, front)
 
     def read(line):
-        *values, a, b = inp.numbers(line.words, [*numbers, *cutoffs], line, optional=2)
+        *values, a, b = inp.numbers(line.words, [*numbers, CUTOFF, COULOMB_CUTOFF], line, optional=2)
         inp.require(check(*values) if check is not None else None, line)
         a, b = (rc, rcoul) if a is None else (a, a) if b is None else (a, b)
         return (*values, a, b)
@@ -48,7 +46,7 @@ def two_cutoffs(inp: StyleInput, front, numbers, mix=None, check=None):
 def _with_coul_cut(name, cls, mix=None, check=None):
     def build(inp: StyleInput):
         _, arrays, cut, cut_coul = two_cutoffs(inp, [], cls.numbers[:-1], mix, check)
-        return [cls.internal(*arrays, cut, shift=inp.modify.shift), cut_style(inp, cut_coul)]
+        return [cls.of(inp, *arrays, cut), CoulombCut.of(inp, cut_coul)]
 
     pair_style(name)(build)
 
@@ -62,10 +60,7 @@ _with_coul_cut("lj/class2/coul/cut", Class2, mix_lj6)
 @pair_style("lj/cut/coul/debye")
 def _lj_debye(inp: StyleInput):
     (kappa,), arrays, cut, cut_coul = two_cutoffs(inp, [("kappa", {"length": -1})], LennardJones.numbers[:-1], mix_lj)
-    return [
-        LennardJones.internal(*arrays, cut, shift=inp.modify.shift),
-        CoulombDebye.of(inp, np.full_like(cut, kappa), cut_coul),
-    ]
+    return [LennardJones.of(inp, *arrays, cut), CoulombDebye.of(inp, np.full_like(cut, kappa), cut_coul)]
 
 
 def _both_soft(name, cls, mix):
@@ -74,7 +69,7 @@ def _both_soft(name, cls, mix):
         (n, alpha, alpha_c), (e, s, activation), cut, cut_coul = two_cutoffs(inp, front, cls.numbers[:3], mix)
         n = np.full_like(e, n)
         return [
-            cls.internal(e, s, activation, n, np.full_like(e, alpha), cut, shift=inp.modify.shift),
+            cls.of(inp, e, s, activation, n, np.full_like(e, alpha), cut),
             CoulombSoft.of(inp, activation, n, np.full_like(e, alpha_c), cut_coul),
         ]
 
@@ -89,14 +84,9 @@ def _with_damped(names, cls, damped, mix=None, check=None):
     """``pair_style NAME alpha cutoff [cutoff_coul]``; the Coulomb part has one cutoff for all pairs of types."""
 
     def build(inp: StyleInput):
-        front = [("alpha", {"length": -1}), ("cutoff", "length"), ("Coulomb cutoff", "length")]
-        alpha, rc, rcoul = inp.numbers(inp.args, front, optional=1)
-        rcoul = rc if rcoul is None else rcoul
-        positive(inp, rcoul)
-        check_lines(inp, cls.numbers, check)
-        arrays = pair_values(inp, cls.numbers, optional=1, defaults=[rc], mix=mix)
-        short = cls.internal(*arrays, shift=inp.modify.shift)
-        return [short, damped.everywhere(wanted_pairs(inp), alpha, rcoul, coulomb_constant(inp))]
+        alpha, rc, rcoul = both_cutoffs(inp, inp.args, [("alpha", {"length": -1})])
+        coulomb = damped.everywhere(wanted_pairs(inp), alpha, positive(inp, rcoul), coulomb_constant(inp))
+        return [cls.of(inp, *short_values(inp, cls.numbers, rc, mix, check)), coulomb]
 
     pair_style(*names)(build)
 

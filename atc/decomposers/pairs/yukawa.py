@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..registry import StyleInput, pair_style
-from .input import mix_distance, mix_energy, pair_values
 from .loop import pair_law
-from .radial import RadialStyle
+from .radial import RadialStyle, mix_prefactor, one_cutoff
 
 
 class Yukawa(RadialStyle):
@@ -33,12 +31,4 @@ class Yukawa(RadialStyle):
         return u, -u * (kappa + s) * s
 
 
-def _mix(a, b, rule):
-    return mix_energy(a[0], b[0], 1.0, 1.0, rule), mix_distance(a[1], b[1], rule)
-
-
-@pair_style("yukawa")
-def _yukawa_style(inp: StyleInput):
-    kappa, rc = inp.numbers(inp.args, [("kappa", {"length": -1}), ("cutoff", "length")])
-    A, cutoff = pair_values(inp, (Yukawa.numbers[0], Yukawa.numbers[2]), optional=1, defaults=[rc], mix=_mix)
-    return Yukawa.internal(A, np.full_like(A, kappa), cutoff, shift=inp.modify.shift)
+one_cutoff(Yukawa, mix=mix_prefactor, line=("kappa", "cutoff"))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...compiled import njit
 from ...errors import AtcError
 from ...units import Units
 from ...units import units as get_units
 from ..registry import StyleInput, pair_style
-from .input import fill
-from .pairs import PairStyle
+from .gromacs import joined_to_zero
+from .input import as_matrix, fill
+from .loop import pair_law
+from .radial import RadialStyle
 
 # The universal screening function and length of Ziegler, Biersack, Littmark (1985), with LAMMPS's digits.
 _C = np.array([0.02817, 0.28022, 0.50986, 0.18175])
@@ -23,7 +24,7 @@ _ELECTRON = {"si": 1.6021765e-19, "cgs": 4.8032044e-10, "micro": 1.6021765e-7}
 _ANGSTROM = {"si": 1e-10, "cgs": 1e-8, "micro": 1e-4, "nano": 0.1, "electron": 1.88972612}
 
 
-class ZBL(PairStyle):
+class ZBL(RadialStyle):
     """U = (z_i z_j e²/d) Σ c_k e^{−d_k d/a} + S(d) for d < outer, a = 0.4685 Å/(z_i^0.23 + z_j^0.23) (LAMMPS ``zbl``).
 
     S is a constant for d ≤ inner and a quartic polynomial of d − inner beyond, such that U, U' and U'' vanish at the
@@ -38,49 +39,49 @@ class ZBL(PairStyle):
 
     name = "zbl"
     weight = None
+    shifts = False
+    numbers = (("z_i", "dimensionless"), ("z_j", "dimensionless"), ("inner", "length"), ("cutoff", "length"))
 
     def __init__(self, z, inner, outer, *, units):
-        u = get_units(units)
-        z = np.atleast_1d(np.asarray(z, float))
-        n = len(z)
         if not 0 < inner < outer:
             raise AtcError(f"ZBL: expected 0 < inner < outer, got inner {inner} and outer {outer}")
-        zi = np.zeros((n + 1, n + 1))
-        zj = np.zeros((n + 1, n + 1))
-        zi[1:, 1:], zj[1:, 1:] = z[:, None], z[None, :]
-        on = np.zeros((n + 1, n + 1), bool)
-        on[1:, 1:] = True
-        self._fill(zi, zj, on, u.to_internal("length", inner), u.to_internal("length", outer), u)
-        self.units = u
+        z = np.atleast_1d(np.asarray(z, float))
+        self.units, on = get_units(units), as_matrix(1.0, len(z))
+        zi = np.zeros_like(on)
+        zi[1:, 1:] = z[:, None]
+        inner, outer = (self.units.to_internal("length", r) for r in (inner, outer))
+        self.fill(zi, zi.T, on * inner, on * outer, shift=False)
 
     @classmethod
-    def of_pairs(cls, zi, zj, on, inner, outer, u: Units):
-        """From (n_types + 1, n_types + 1) nuclear charges and which pairs interact, internal lengths."""
+    def of(cls, inp: StyleInput, *arrays):
         style = cls.__new__(cls)
-        style._fill(zi, zj, on, inner, outer, u)
+        style.units = inp.units
+        style.fill(*arrays, shift=False)
         return style
 
-    def _fill(self, zi, zj, on, inner, outer, u):
+    def columns(self, zi, zj, inner, outer):
+        u = self.units
         a0 = u.to_internal("length", _A0 * _ANGSTROM.get(u.name, 1.0))
         e2 = u.coulomb * u.to_internal("charge", _ELECTRON.get(u.name, 1.0)) ** 2
-        n = len(zi)
-        table = np.zeros((n, n, 13))
-        for i, j in np.argwhere(on):
-            k = _D * (zi[i, j] ** _POWER + zj[i, j] ** _POWER) / a0
-            c = _C * zi[i, j] * zj[i, j] * e2
-            x = c * np.exp(-k * outer)
-            f0 = x.sum() / outer
-            f1 = -(k * x).sum() / outer - f0 / outer
-            f2 = ((k * k * x).sum() + 2 * (k * x).sum() / outer + 2 * x.sum() / outer**2) / outer
-            t = outer - inner
-            A = (-3 * f1 + t * f2) / t**2
-            B = (2 * f1 - t * f2) / t**3
-            C = -f0 + t / 2 * f1 - t * t / 12 * f2
-            table[i, j] = [outer**2, *c, *k, A, B, C, inner]
-        self.table = table
+        k, c = _D[:, None, None] * (zi**_POWER + zj**_POWER) / a0, _C[:, None, None] * zi * zj * e2
+        x = c * np.exp(-k * outer)
+        f0 = x.sum(0) / outer
+        f1 = -(k * x).sum(0) / outer - f0 / outer
+        f2 = ((k * k * x).sum(0) + 2 * (k * x).sum(0) / outer + 2 * x.sum(0) / outer**2) / outer
+        return *c, *k, *joined_to_zero(f0, f1, f2, inner, outer), inner
 
-    def add(self, types, i, j, d2, weights, U, G, prepared):
-        _zbl(types, i, j, d2, self.table, U, G)
+    @pair_law
+    def law(d2, c1, c2, c3, c4, k1, k2, k3, k4, A, B, C, inner):
+        d = np.sqrt(d2)
+        s = 1.0 / d
+        x1, x2, x3, x4 = c1 * np.exp(-k1 * d), c2 * np.exp(-k2 * d), c3 * np.exp(-k3 * d), c4 * np.exp(-k4 * d)
+        u = (x1 + x2 + x3 + x4) * s + C
+        du = -(x1 * (k1 + s) + x2 * (k2 + s) + x3 * (k3 + s) + x4 * (k4 + s)) * s
+        t = d - inner
+        if t > 0.0:
+            u += t * t * t * (A + B * t)
+            du += t * t * (3.0 * A + 4.0 * B * t)
+        return u, du * s
 
 
 def universal_screening(u: Units, zi, zj, r):
@@ -107,27 +108,4 @@ def _zbl_style(inp: StyleInput):
                 )
             given[i, j] = (z1, z2, 1.0)
     zi, zj, on = fill(inp, given, 3, mix=lambda a, b, rule: (a[0], b[0], 1.0))
-    return ZBL.of_pairs(zi, zj, on > 0, inner, outer, inp.units)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _zbl(types, i, j, d2, table, U, G):
-    for b in range(len(d2)):
-        p = table[types[i[b]], types[j[b]]]
-        if d2[b] < p[0]:
-            d = np.sqrt(d2[b])
-            s = 1.0 / d
-            u = 0.0
-            du = 0.0
-            for k in range(4):
-                x = p[1 + k] * np.exp(-p[5 + k] * d)
-                u += x
-                du -= x * (p[5 + k] + s)
-            u = u * s + p[11]
-            du *= s
-            t = d - p[12]
-            if t > 0.0:
-                u += t * t * t * (p[9] / 3.0 + p[10] / 4.0 * t)
-                du += t * t * (p[9] + p[10] * t)
-            U[b] += u
-            G[b] += du * s
+    return ZBL.of(inp, zi, zj, on * inner, on * outer)
