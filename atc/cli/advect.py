@@ -6,15 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
 from .common import option, parse_numbers
-
-
-def register(app: typer.Typer) -> None:
-    """Add the verb `advect`."""
-    app.command()(advect)
 
 
 def advect(

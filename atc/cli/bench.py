@@ -6,72 +6,58 @@ from pathlib import Path
 from typing import Annotated
 
 from ..errors import AtcError
-from .common import Begin, End, Jobs, Json, Quiet, Set, Step, argument, console, load_scene, option, parse_numbers
+from .common import Jobs, Json, Quiet, SceneFlags, argument, option, parse_numbers, show
 
 
-def register(app) -> None:
-    """Add the command to the application."""
+def bench(
+    flags: SceneFlags,
+    scene: Annotated[Path | None, argument("SCENE", "The scene, a TOML file.")] = None,
+    jobs: Jobs = 1,
+    tolerances: Annotated[str | None, option("--tolerances T1,T2,...", "Tolerances of the spectral method.")] = None,
+    field: Annotated[
+        str | None, option("--field NAME", "Which of the scene's fields; default: stress_potential, or the first.")
+    ] = None,
+    calibrate: Annotated[
+        bool, option("--calibrate", "Measure what plans and choices of methods are based on, and keep it.")
+    ] = False,
+    picture: Annotated[Path | None, option("--picture FILE", "Where the picture goes; default: next to SCENE.")] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Time against error of every method on the scene's first frame, next to binned and smoothed per-atom virials.
 
-    @app.command()
-    def bench(
-        scene: Annotated[Path | None, argument("SCENE", "The scene, a TOML file.")] = None,
-        set: Set = None,
-        begin: Begin = None,
-        end: End = None,
-        step: Step = None,
-        jobs: Jobs = 1,
-        tolerances: Annotated[
-            str | None, option("--tolerances T1,T2,...", "Tolerances of the spectral method.")
-        ] = None,
-        field: Annotated[
-            str | None, option("--field NAME", "Which of the scene's fields; default: stress_potential, or the first.")
-        ] = None,
-        calibrate: Annotated[
-            bool, option("--calibrate", "Measure what plans and choices of methods are based on, and keep it.")
-        ] = False,
-        picture: Annotated[
-            Path | None, option("--picture FILE", "Where the picture goes; default: next to SCENE.")
-        ] = None,
-        json: Json = False,
-        quiet: Quiet = False,
-    ) -> None:
-        """Time against error of every method on the scene's first frame, next to binned and smoothed per-atom virials.
-
-        With --calibrate (and no scene) the constants of the cost model are measured on this machine, in about a minute,
-        and kept in the user's cache folder; `atc plan` and method "auto" use them from then on.
-        """
-        if calibrate:
-            _calibrate(json, quiet)
-            if scene is None:
-                return
+    With --calibrate (and no scene) the constants of the cost model are measured on this machine, in about a minute,
+    and kept in the user's cache folder; `atc plan` and method "auto" use them from then on.
+    """
+    if calibrate:
+        _calibrate(json, quiet)
         if scene is None:
-            raise AtcError("atc bench: give a scene, or --calibrate")
-        from ..analysis.bench import TOLERANCES
-        from ..analysis.bench import bench as run
-        from ..pictures.drawing import picture_kind
-        from ..planning.request import Request
+            return
+    if scene is None:
+        raise AtcError("atc bench: give a scene, or --calibrate")
+    from ..analysis.bench import TOLERANCES
+    from ..analysis.bench import bench as run
+    from ..pictures.drawing import picture_kind
+    from ..planning.request import Request
 
-        target = picture or scene.with_name(scene.stem + "-bench.png")
-        picture_kind(target)
-        given = parse_numbers(
-            "--tolerances",
-            tolerances,
-            "numbers between 0 and 1, e.g. --tolerances 1e-3,1e-5",
-            lambda values: values and all(0 < t < 1 for t in values),
-        )
-        ladder = sorted(given, reverse=True) if given else TOLERANCES
-        made = load_scene(scene, set, begin, end, step)
-        arguments = made.arguments(jobs)
-        arguments["threads"], arguments["workers"] = max(arguments["threads"], arguments["workers"]), 1
-        arguments["traj"] = arguments["traj"][:1]
-        result = run(Request(**arguments), ladder, (lambda text: None) if quiet or json else _say, field=field)
-        result.picture(target)
-        if json:
-            print(result.json())
-        else:
-            result.print(console())
-            if not quiet:
-                print(f"picture: {target}")
+    target = picture or scene.with_name(scene.stem + "-bench.png")
+    picture_kind(target)
+    given = parse_numbers(
+        "--tolerances",
+        tolerances,
+        "numbers between 0 and 1, e.g. --tolerances 1e-3,1e-5",
+        lambda values: values and all(0 < t < 1 for t in values),
+    )
+    ladder = sorted(given, reverse=True) if given else TOLERANCES
+    made = flags.load(scene)
+    arguments = made.arguments(jobs)
+    arguments["threads"], arguments["workers"] = max(arguments["threads"], arguments["workers"]), 1
+    arguments["traj"] = arguments["traj"][:1]
+    result = run(Request(**arguments), ladder, (lambda text: None) if quiet or json else _say, field=field)
+    result.picture(target)
+    show(result, json)
+    if not (json or quiet):
+        print(f"picture: {target}")
 
 
 def _say(text: str) -> None:

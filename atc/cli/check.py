@@ -6,20 +6,12 @@ from typing import Annotated
 
 import typer
 
-from .common import Begin, End, Jobs, Json, SceneFile, Set, Silent, Step, console, load_scene, option
-
-
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command()(check)
+from .common import Jobs, Json, SceneFile, SceneFlags, Silent, option, show
 
 
 def check(
     scene: SceneFile,
-    set: Set = None,
-    begin: Begin = None,
-    end: End = None,
-    step: Step = None,
+    flags: SceneFlags,
     jobs: Jobs = 1,
     points: Annotated[int | None, option("--points N", "Random points, and as many of the grid's.")] = None,
     json: Json = False,
@@ -32,13 +24,10 @@ def check(
     """
     from ..analysis.check import check_scene
 
-    made = load_scene(scene, set, begin, end, step)
+    made = flags.load(scene)
     if points is not None:
         made.set("check", "points", points, flag=f"--points {points}")
     report = check_scene(made, jobs=jobs)
-    if json:
-        print(report.json())
-    elif not quiet:
-        report.print(console())
+    show(report, json, quiet=quiet)
     if not report.ok:
         raise typer.Exit(1)

@@ -4,9 +4,12 @@ here."""
 from __future__ import annotations
 
 import contextlib
+import functools
+import inspect
 import sys
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, get_type_hints
 
 import typer
 
@@ -49,10 +52,6 @@ def argument(metavar: str, help: str):
 
 
 SceneFile = Annotated[Path, argument("SCENE", "The scene, a TOML file.")]
-Set = Annotated[
-    list[str] | None,
-    option("--set SECTION.KEY=VALUE", "Override a key of the scene, e.g. --set kernel.radius=10. Repeatable."),
-]
 Begin = Annotated[int | None, option("-b --begin N", "First frame, counted from 0.")]
 End = Annotated[int | None, option("-e --end N", "Frame to stop before.")]
 Step = Annotated[int | None, option("--step N", "Take every N-th frame.")]
@@ -67,6 +66,114 @@ Dataset = Annotated[Path | None, option("-o --output OUT", "Write a dataset: .nc
 Topology = Annotated[str | None, option("--topology FILE", "LAMMPS data file with masses, charges, bonds.")]
 UnitsOption = Annotated[str | None, option("--units STYLE", "LAMMPS unit style: lj, real, metal, si, ...")]
 Masses = Annotated[str | None, option("--masses LIST", "Masses by type: 28.0855,15.999 or 1=28.0855,2=15.999.")]
+PublishedUnits = Annotated[
+    str | None, option("--units LIST", 'In these units, e.g. "GPa, nm", or a preset: metal-gpa, nm-gpa, si.')
+]
+Species = Annotated[str | None, option("--species NAME", "Of fields taken apart, whose (see --by of atc fields).")]
+
+
+@dataclass
+class SceneFlags:
+    """Flags that override keys of a scene: `flags` puts them in the place of a command's parameter of this class."""
+
+    set: Annotated[
+        list[str] | None,
+        option("--set SECTION.KEY=VALUE", "Override a key of the scene, e.g. --set kernel.radius=10. Repeatable."),
+    ] = None
+    begin: Begin = None
+    end: End = None
+    step: Step = None
+
+    def load(self, path, selects: bool = False):
+        """The scene with these overrides on top. `selects`: whether the command knows what to do with [select]."""
+        from ..config.scene import Scene
+        from ..config.words import frame_slice
+
+        scene = Scene.load(path, list(self.set or []))
+        if "select" in scene.data and not selects:
+            import warnings
+
+            from ..errors import AtcWarning
+
+            text = f"{scene.where('select')}: [select] is for atc fields: this command takes all atoms"
+            warnings.warn(text, AtcWarning, stacklevel=2)
+        flags = _said(begin=self.begin, end=self.end, step=self.step)
+        if flags:
+            frames = scene.get("trajectory", "frames")
+            if frames is not None:
+                s = frame_slice(frames)
+                flags = _said(begin=s.start, end=s.stop, step=s.step) | flags
+            names = {"begin": "-b", "end": "-e", "step": "--step"}
+            scene.set("trajectory", "frames", flags, flag=" ".join(f"{names[k]} {v}" for k, v in flags.items()))
+        return scene
+
+
+@dataclass
+class SelectFlags(SceneFlags):
+    """The same, and those of [select]."""
+
+    select: Annotated[
+        str | None,
+        option(
+            "--select WORDS",
+            'Only of some atoms, in words of MDAnalysis, e.g. "type 1 2", or "group:wall", a group of the script; '
+            "more ways: [select] in the scene.",
+        ),
+    ] = None
+    by: Annotated[str | None, option("--by WHAT", "Take fields apart: type, element or molecule.")] = None
+    bonds: Annotated[
+        str | None,
+        option(
+            "--bonds WHICH", "With selected atoms, which bonds count by their ends: half (default), both, one, any."
+        ),
+    ] = None
+
+    def load(self, path, selects: bool = True):
+        """The scene with these overrides on top."""
+        scene = super().load(path, selects)
+        for flag, key in (("select", "atoms"), ("by", "by"), ("bonds", "bonds")):
+            value = getattr(self, flag)
+            if value is not None:
+                scene.set("select", key, value, flag=f"--{flag} {value}")
+        return scene
+
+
+def _said(**flags) -> dict:
+    """The flags that were given."""
+    return {name: value for name, value in flags.items() if value is not None}
+
+
+def flags(command):
+    """The command as typer takes it: where a parameter is of a class of flags, the flags themselves."""
+    hints = get_type_hints(command, include_extras=True)
+    parameters, classes = [], {}
+    for p in inspect.signature(command).parameters.values():
+        kind = hints[p.name]
+        if isinstance(kind, type) and issubclass(kind, SceneFlags):
+            types = get_type_hints(kind, include_extras=True)
+            classes[p.name] = kind, [f.name for f in fields(kind)]
+            parameters += [p.replace(name=f.name, annotation=types[f.name], default=f.default) for f in fields(kind)]
+        else:
+            parameters.append(p.replace(annotation=kind))
+
+    @functools.wraps(command)
+    def run(**given):
+        made = {p: kind(**{name: given.pop(name) for name in names}) for p, (kind, names) in classes.items()}
+        return command(**made, **given)
+
+    run.__signature__ = inspect.Signature(parameters)
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
+
+
+def show(result, json: bool = False, csv: bool = False, quiet: bool = False) -> None:
+    """Print a result in the form that is asked for."""
+    if json:
+        print(result.json())
+    elif csv:
+        print(result.csv(), end="")
+    elif not quiet:
+        result.print(console())
 
 
 def write_result(result, dataset, picture, tell: bool) -> None:
@@ -78,65 +185,6 @@ def write_result(result, dataset, picture, tell: bool) -> None:
             getattr(result, write)(path)
             if tell:
                 print(f"{what}: {path}")
-
-
-Select = Annotated[
-    str | None,
-    option(
-        "--select WORDS",
-        'Only of some atoms, in words of MDAnalysis, e.g. "type 1 2", or "group:wall", a group of the script; '
-        "more ways: [select] in the scene.",
-    ),
-]
-By = Annotated[str | None, option("--by WHAT", "Take fields apart: type, element or molecule.")]
-Ends = Annotated[
-    str | None,
-    option("--bonds WHICH", "With selected atoms, which bonds count by their ends: half (default), both, one, any."),
-]
-
-
-PublishedUnits = Annotated[
-    str | None, option("--units LIST", 'In these units, e.g. "GPa, nm", or a preset: metal-gpa, nm-gpa, si.')
-]
-Species = Annotated[str | None, option("--species NAME", "Of fields taken apart, whose (see --by of atc fields).")]
-
-
-def select_atoms(scene, select, by, bonds):
-    """The scene with what the flags say of atoms."""
-    for key, value, flag in (("atoms", select, "--select"), ("by", by, "--by"), ("bonds", bonds, "--bonds")):
-        if value is not None:
-            scene.set("select", key, value, flag=f"{flag} {value}")
-    return scene
-
-
-def load_scene(path, settings, begin=None, end=None, step=None, selects=False):
-    """The scene with the flags' overrides on top. `selects`: whether the command knows what to do with [select]."""
-    from ..config.scene import Scene
-
-    overrides: list[Any] = list(settings or [])
-    flags = {k: v for k, v in (("begin", begin), ("end", end), ("step", step)) if v is not None}
-    scene = Scene.load(path, overrides)
-    if "select" in scene.data and not selects:
-        import warnings
-
-        from ..errors import AtcWarning
-
-        warnings.warn(
-            f"{scene.where('select')}: [select] is for atc fields: this command takes all atoms",
-            AtcWarning,
-            stacklevel=2,
-        )
-    if flags:
-        frames = scene.get("trajectory", "frames")
-        if frames is not None:
-            from ..config.words import frame_slice
-
-            s = frame_slice(frames)
-            written = {k: v for k, v in (("begin", s.start), ("end", s.stop), ("step", s.step)) if v is not None}
-            flags = written | flags
-        names = {"begin": "-b", "end": "-e", "step": "--step"}
-        scene.set("trajectory", "frames", flags, flag=" ".join(f"{names[k]} {v}" for k, v in flags.items()))
-    return scene
 
 
 def output_asked(scene, output, overwrite):

@@ -5,30 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
 from .common import (
-    Begin,
-    End,
     Jobs,
     PublishedUnits,
     Quiet,
-    Set,
+    SceneFlags,
     Species,
-    Step,
     argument,
-    console,
-    load_scene,
     option,
     parse_numbers,
     progress_bar,
+    show,
 )
-
-
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command()(compare)
 
 
 def compare(
@@ -40,13 +29,10 @@ def compare(
             "with --radii.",
         ),
     ],
+    flags: SceneFlags,
     radii: Annotated[
         str | None, option("--radii R1,R2,...", "Compute the scene's stress for these kernel radii and compare them.")
     ] = None,
-    set: Set = None,
-    begin: Begin = None,
-    end: End = None,
-    step: Step = None,
     jobs: Jobs = 1,
     picture: Annotated[Path | None, option("--picture FILE", "Where the picture goes; default: next to OUT.")] = None,
     column: Annotated[
@@ -74,7 +60,7 @@ def compare(
     if radii is not None:
         if len(what) != 1:
             raise AtcError("--radii goes with one scene: atc compare SCENE --radii 4,6,8")
-        made = load_scene(what[0], set, begin, end, step, selects=True)
+        made = flags.load(what[0], selects=True)
         lengths = parse_numbers(
             "--radii",
             radii,
@@ -90,7 +76,7 @@ def compare(
                     f"{path}: is a scene; give it with --radii (atc compare {path} --radii 4,6,8), or give the output "
                     "of atc fields"
                 )
-        if set or begin is not None or end is not None or step is not None:
+        if flags != SceneFlags():
             raise AtcError("--set, -b, -e and --step go with a scene and --radii; an output is compared as it is")
         if len(what) == 2 and what[1].suffix not in (".nc", ".zarr") and is_grid(what[1]):
             result = compare_with_lammps(what[0], what[1], column)
@@ -101,11 +87,6 @@ def compare(
             result = results[0] if len(results) == 1 else side_by_side(results)
     target = picture or what[0].with_name(what[0].stem + "-compare.png")
     result.picture(target)
-    if json:
-        print(result.json())
-    elif csv:
-        print(result.csv(), end="")
-    else:
-        result.print(console())
+    show(result, json, csv)
     if not (quiet or json or csv):
         print(f"picture: {target}")

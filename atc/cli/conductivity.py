@@ -5,35 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from .common import (
-    Begin,
-    End,
-    Jobs,
-    Json,
-    SceneFile,
-    Set,
-    Step,
-    console,
-    load_scene,
-    option,
-    parse_numbers,
-    progress_bar,
-)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command()(conductivity)
+from .common import Jobs, Json, SceneFile, SceneFlags, option, parse_numbers, progress_bar, show
 
 
 def conductivity(
     scene: SceneFile,
-    set: Set = None,
-    begin: Begin = None,
-    end: End = None,
-    step: Step = None,
+    flags: SceneFlags,
     jobs: Jobs = 1,
     segments: Annotated[int, option("--segments N", "Independent parts of the run that give the error.")] = 10,
     plateau: Annotated[
@@ -49,7 +26,7 @@ def conductivity(
     [potential]."""
     from ..analysis.green_kubo import conductivity_of_scene
 
-    made = load_scene(scene, set, begin, end, step)
+    made = flags.load(scene)
     two = "two lags in the trajectory's unit of time, e.g. --plateau 3,6"
     lags = parse_numbers("--plateau", plateau, two, lambda values: len(values) == 2)
     with progress_bar(quiet or json) as progress:
@@ -58,9 +35,6 @@ def conductivity(
         )
     if picture is not None:
         result.picture(picture)
-    if json:
-        print(result.json())
-    else:
-        result.print(console())
-        if picture is not None:
-            print(f"picture: {picture}")
+    show(result, json)
+    if picture is not None and not json:
+        print(f"picture: {picture}")

@@ -6,67 +6,52 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from .common import (
-    Begin,
     Dataset,
-    End,
     Json,
     Overwrite,
     Quiet,
     SceneFile,
-    Set,
-    Step,
+    SceneFlags,
     console,
-    load_scene,
     option,
     output_asked,
+    show,
     write_result,
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+def dispersion(
+    scene: SceneFile,
+    flags: SceneFlags,
+    output: Dataset = None,
+    picture: Annotated[Path | None, option("--picture FILE", "Draw everything in one picture.")] = None,
+    phonopy: Annotated[
+        Path | None,
+        option(
+            "--phonopy FOLDER", "Write phonopy.yaml, FORCE_CONSTANTS and band.yaml there, for phonopy and Euphonic."
+        ),
+    ] = None,
+    json: Json = False,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Phonon dispersion of a crystal: lattice, phonopy, peridynamic models and a trajectory side by side, with
+    elastic constants, linewidths and structure factors.
 
-    @app.command()
-    def dispersion(
-        scene: SceneFile,
-        output: Dataset = None,
-        set: Set = None,
-        begin: Begin = None,
-        end: End = None,
-        step: Step = None,
-        picture: Annotated[Path | None, option("--picture FILE", "Draw everything in one picture.")] = None,
-        phonopy: Annotated[
-            Path | None,
-            option(
-                "--phonopy FOLDER", "Write phonopy.yaml, FORCE_CONSTANTS and band.yaml there, for phonopy and Euphonic."
-            ),
-        ] = None,
-        json: Json = False,
-        overwrite: Overwrite = False,
-        quiet: Quiet = False,
-    ) -> None:
-        """Phonon dispersion of a crystal: lattice, phonopy, peridynamic models and a trajectory side by side, with
-        elastic constants, linewidths and structure factors.
+    Needs [dispersion] and [potential], [trajectory] or both.
+    """
+    from ..upscaling.dispersion import dispersion_of_scene
 
-        Needs [dispersion] and [potential], [trajectory] or both.
-        """
-        from ..upscaling.dispersion import dispersion_of_scene
+    made = flags.load(scene)
+    out = output_asked(made, output, overwrite)
+    result = dispersion_of_scene(made)
+    if made.get("dispersion", "twin"):
+        from ..twins.waves import add_twin
 
-        made = load_scene(scene, set, begin, end, step)
-        out = output_asked(made, output, overwrite)
-        result = dispersion_of_scene(made)
-        if made.get("dispersion", "twin"):
-            from ..twins.waves import add_twin
-
-            add_twin(result, made)
-        if json:
-            print(result.json())
-        elif not quiet:
-            result.print(console())
-        written = result.write_phonopy(phonopy) if phonopy is not None else []
-        write_result(result, out, picture, tell=not (json or quiet))
-        if written and not (json or quiet):
-            console().print(f"phonopy: {', '.join(map(str, written))}", soft_wrap=True)
+        add_twin(result, made)
+    show(result, json, quiet=quiet)
+    written = result.write_phonopy(phonopy) if phonopy is not None else []
+    write_result(result, out, picture, tell=not (json or quiet))
+    if written and not (json or quiet):
+        console().print(f"phonopy: {', '.join(map(str, written))}", soft_wrap=True)

@@ -5,15 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
 from .common import Begin, End, Species, Step, argument, option
-
-
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command()(export)
 
 
 def export(

@@ -5,14 +5,8 @@ from __future__ import annotations
 import time
 from typing import Annotated
 
-import typer
-
 from ..errors import heard
 from .common import (
-    Begin,
-    By,
-    End,
-    Ends,
     Jobs,
     Output,
     Overwrite,
@@ -20,34 +14,19 @@ from .common import (
     PublishedUnits,
     Quiet,
     SceneFile,
-    Select,
-    Set,
-    Step,
+    SelectFlags,
     duration,
     kept_on_interrupt,
-    load_scene,
     option,
     progress_bar,
-    select_atoms,
 )
-
-
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command()(fields)
 
 
 def fields(
     scene: SceneFile,
+    flags: SelectFlags,
     output: Output = None,
-    set: Set = None,
-    begin: Begin = None,
-    end: End = None,
-    step: Step = None,
     jobs: Jobs = 1,
-    select: Select = None,
-    by: By = None,
-    bonds: Ends = None,
     units: PublishedUnits = None,
     cluster: Annotated[
         str | None,
@@ -59,7 +38,7 @@ def fields(
     quiet: Quiet = False,
 ) -> None:
     """Compute the fields of a scene, frame by frame, into a file. After an interruption the same command continues."""
-    made = select_atoms(load_scene(scene, set, begin, end, step, selects=True), select, by, bonds)
+    made = flags.load(scene)
     if units is not None:
         made.set("output", "units", units, flag=f"--units {units}")
     out = made.output(output, overwrite=overwrite, resume=not restart)

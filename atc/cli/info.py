@@ -4,15 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
-from .common import Json, Masses, Topology, UnitsOption, argument, console, load_scene, option, parse_masses
-
-
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command()(info)
+from .common import Json, Masses, SceneFlags, Topology, UnitsOption, argument, option, parse_masses, show
 
 
 def info(
@@ -48,7 +41,7 @@ def info(
         given = [f"--{name}" for name, value in given.items() if value is not None]
         if given:
             raise AtcError(f"{given[0]} goes with a trajectory; in a scene it is a key of [trajectory]")
-        report = describe_scene(load_scene(trajectory[0], None))
+        report = describe_scene(SceneFlags().load(trajectory[0]))
     else:
         source = trajectory if len(trajectory) > 1 else trajectory[0]
         report = describe(
@@ -59,7 +52,4 @@ def info(
             dimension=dimension,
             atom_style=atom_style,
         )
-    if json:
-        print(report.json())
-    else:
-        report.print(console())
+    show(report, json)

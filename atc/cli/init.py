@@ -9,11 +9,6 @@ from ..errors import AtcError
 from .common import Masses, Overwrite, Topology, UnitsOption, argument, option, parse_masses
 
 
-def register(app) -> None:
-    """Add the command to `app`."""
-    app.command("init")(init)
-
-
 def init(
     trajectory: Annotated[list[str], argument("TRAJ... [SCRIPT]", "The trajectory, and the LAMMPS script.")],
     output: Annotated[

@@ -9,12 +9,7 @@ from typing import Annotated
 from .common import Output, Overwrite, Quiet, argument, duration, kept_on_interrupt, option, progress_bar
 
 
-def register(app) -> None:
-    """Add the verb."""
-    app.command("pd")(pd_command)
-
-
-def pd_command(
+def pd(
     case: Annotated[Path, argument("CASE", "The case, a TOML file.")],
     output: Output = None,
     set: Annotated[

@@ -5,91 +5,73 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
 from .common import (
-    Begin,
     Dataset,
-    End,
     Jobs,
     Json,
     Overwrite,
     Quiet,
     SceneFile,
-    Set,
-    Step,
-    console,
-    load_scene,
+    SceneFlags,
     option,
     progress_bar,
+    show,
     write_result,
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+def profile(
+    scene: SceneFile,
+    flags: SceneFlags,
+    output: Dataset = None,
+    axis: Annotated[
+        str | None, option("--axis x|y|z", "Normal of the interface, if not the scene's slab grid's.")
+    ] = None,
+    bins: Annotated[int | None, option("--bins N", "Bins along it, if not the scene's.")] = None,
+    interfaces: Annotated[int, option("--interfaces N", "How many interfaces share the tension of the cell.")] = 2,
+    flow: Annotated[
+        bool, option("--flow", "Kinetic pressure relative to the mean velocity profile of the run.")
+    ] = False,
+    boundary: Annotated[
+        str,
+        option(
+            "--boundary auto|periodic|vacuum",
+            "Of the electric field: no mean field in the cell, or none below its lower face.",
+        ),
+    ] = "auto",
+    jobs: Jobs = 1,
+    picture: Annotated[Path | None, option("--picture FILE", "Draw the profiles.")] = None,
+    json: Json = False,
+    csv: Annotated[bool, option("--csv", "The profiles as CSV.")] = False,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Profiles across a planar interface, with error bars: pressure and surface tension, species, charges and
+    electric potential, velocities.
 
-    @app.command()
-    def profile(
-        scene: SceneFile,
-        output: Dataset = None,
-        axis: Annotated[
-            str | None, option("--axis x|y|z", "Normal of the interface, if not the scene's slab grid's.")
-        ] = None,
-        bins: Annotated[int | None, option("--bins N", "Bins along it, if not the scene's.")] = None,
-        interfaces: Annotated[int, option("--interfaces N", "How many interfaces share the tension of the cell.")] = 2,
-        flow: Annotated[
-            bool, option("--flow", "Kinetic pressure relative to the mean velocity profile of the run.")
-        ] = False,
-        boundary: Annotated[
-            str,
-            option(
-                "--boundary auto|periodic|vacuum",
-                "Of the electric field: no mean field in the cell, or none below its lower face.",
-            ),
-        ] = "auto",
-        set: Set = None,
-        begin: Begin = None,
-        end: End = None,
-        step: Step = None,
-        jobs: Jobs = 1,
-        picture: Annotated[Path | None, option("--picture FILE", "Draw the profiles.")] = None,
-        json: Json = False,
-        csv: Annotated[bool, option("--csv", "The profiles as CSV.")] = False,
-        overwrite: Overwrite = False,
-        quiet: Quiet = False,
-    ) -> None:
-        """Profiles across a planar interface, with error bars: pressure and surface tension, species, charges and
-        electric potential, velocities.
+    Needs [trajectory], [kernel] and a slab [grid] (or --axis and --bins); for pressure [potential].
+    """
+    from ..analysis.interface import profile_of_scene
 
-        Needs [trajectory], [kernel] and a slab [grid] (or --axis and --bins); for pressure [potential].
-        """
-        from ..analysis.interface import profile_of_scene
+    if json and csv:
+        raise AtcError("give --json or --csv, not both")
+    made = flags.load(scene)
+    out = made.output(output, overwrite=overwrite) if output is not None else None
+    if picture is not None:
+        from ..pictures.drawing import picture_kind
 
-        if json and csv:
-            raise AtcError("give --json or --csv, not both")
-        made = load_scene(scene, set, begin, end, step)
-        out = made.output(output, overwrite=overwrite) if output is not None else None
-        if picture is not None:
-            from ..pictures.drawing import picture_kind
-
-            picture_kind(picture)
-        with progress_bar(quiet or json or csv) as progress:
-            result = profile_of_scene(
-                made,
-                axis=axis,
-                bins=bins,
-                interfaces=interfaces,
-                flow=flow,
-                boundary=boundary,
-                jobs=jobs,
-                progress=progress,
-            )
-        if json:
-            print(result.json())
-        elif csv:
-            print(result.csv(), end="")
-        elif not quiet:
-            result.print(console())
-        write_result(result, out, picture, tell=not (json or csv or quiet))
+        picture_kind(picture)
+    with progress_bar(quiet or json or csv) as progress:
+        result = profile_of_scene(
+            made,
+            axis=axis,
+            bins=bins,
+            interfaces=interfaces,
+            flow=flow,
+            boundary=boundary,
+            jobs=jobs,
+            progress=progress,
+        )
+    show(result, json, csv, quiet)
+    write_result(result, out, picture, tell=not (json or csv or quiet))

@@ -8,11 +8,6 @@ from typing import Annotated
 from .common import PublishedUnits, Species, argument, option
 
 
-def register(app) -> None:
-    """Add the command to `app`."""
-    app.command("report")(report)
-
-
 def report(
     out: Annotated[Path, argument("OUT", "Output of atc fields or atc twin.")],
     output: Annotated[Path | None, option("-o --output PAGE", "The page; default OUT.html.")] = None,

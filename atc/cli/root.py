@@ -24,7 +24,7 @@ from .. import __version__
 from ..errors import AtcError
 from ..running.interruption import last, watched
 from ..terminal import only_printable, printable
-from .common import interrupted
+from .common import flags, interrupted
 
 
 def _fail(message: str, status: int) -> None:
@@ -169,7 +169,8 @@ def _root(
 
 
 # --------------------------------------------------------------------------------------------------------------------
-# One file a verb: options only, the work is imported when they run.
+# One file a verb, with a function of its name, or the `group` of its own verbs: options only, the work is imported when
+# they run.
 
 #: In the order of the help.
 VERBS = (
@@ -177,7 +178,11 @@ VERBS = (
     "schema twin upscale"
 ).split()
 for _verb in VERBS:
-    import_module(f".{_verb}", __package__).register(app)
+    _module = import_module(f".{_verb}", __package__)
+    if hasattr(_module, "group"):
+        app.add_typer(_module.group)
+    else:
+        app.command()(flags(getattr(_module, _verb)))
 
 if __name__ == "__main__":
     main()

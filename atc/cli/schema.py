@@ -23,8 +23,3 @@ def schema(what: Annotated[What, typer.Argument(help="Of scenes, or of peridynam
     from ..cases.json_schema import case_schema, scene_schema
 
     print(json.dumps(scene_schema() if what is What.scene else case_schema(), indent=1))
-
-
-def register(app: typer.Typer) -> None:
-    """Add the verb."""
-    app.command()(schema)

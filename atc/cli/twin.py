@@ -5,78 +5,64 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from ..errors import AtcError
 from .common import (
-    Begin,
     Dataset,
-    End,
     Overwrite,
     Quiet,
     SceneFile,
-    Set,
-    Step,
-    console,
-    load_scene,
+    SceneFlags,
     option,
     output_asked,
     progress_bar,
+    show,
     write_result,
 )
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+def twin(
+    scene: SceneFile,
+    flags: SceneFlags,
+    output: Dataset = None,
+    picture: Annotated[Path | None, option("--picture FILE", "Draw MD, PD and their difference.")] = None,
+    movie: Annotated[Path | None, option("--movie FILE", "The same, frame by frame: .gif or .mp4.")] = None,
+    report: Annotated[Path | None, option("--report FILE.html", "One page about it all.")] = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """A molecular-dynamics run and its peridynamic twin side by side: body, conditions and material from the run
+    and its potential.
 
-    @app.command()
-    def twin(
-        scene: SceneFile,
-        output: Dataset = None,
-        set: Set = None,
-        begin: Begin = None,
-        end: End = None,
-        step: Step = None,
-        picture: Annotated[Path | None, option("--picture FILE", "Draw MD, PD and their difference.")] = None,
-        movie: Annotated[Path | None, option("--movie FILE", "The same, frame by frame: .gif or .mp4.")] = None,
-        report: Annotated[Path | None, option("--report FILE.html", "One page about it all.")] = None,
-        overwrite: Overwrite = False,
-        quiet: Quiet = False,
-    ) -> None:
-        """A molecular-dynamics run and its peridynamic twin side by side: body, conditions and material from the run
-        and its potential.
+    Needs [trajectory] with a reference, [potential], [kernel], [grid] and [twin].
+    """
+    from ..analysis.page import page_path
+    from ..analysis.page import report as write_page
+    from ..pictures.drawing import picture_kind
+    from ..pictures.movies import movie_path
+    from ..twins.run import twin as twin_of
 
-        Needs [trajectory] with a reference, [potential], [kernel], [grid] and [twin].
-        """
-        from ..analysis.page import page_path
-        from ..analysis.page import report as write_page
-        from ..pictures.drawing import picture_kind
-        from ..pictures.movies import movie_path
-        from ..twins.run import twin as twin_of
-
-        made = load_scene(scene, set, begin, end, step)
-        out = output_asked(made, output, overwrite)
-        if picture is not None:
-            picture_kind(picture)
-        if movie is not None:
-            movie_path(movie)
-        if report is not None:
-            page_path(report)
-        kind = made.get("grid", "kind")
-        if movie is not None and kind not in ("regular", "plane"):
-            raise AtcError(f"{made.where('grid', 'kind')}: --movie needs a regular or plane grid, not {kind}")
-        if picture is not None and kind not in ("regular", "plane", "line"):
-            raise AtcError(f"{made.where('grid', 'kind')}: --picture needs a regular, plane or line grid, not {kind}")
-        with progress_bar(quiet) as progress:
-            result = twin_of(made, tell=None if quiet else print, progress=progress)
+    made = flags.load(scene)
+    out = output_asked(made, output, overwrite)
+    if picture is not None:
+        picture_kind(picture)
+    if movie is not None:
+        movie_path(movie)
+    if report is not None:
+        page_path(report)
+    kind = made.get("grid", "kind")
+    if movie is not None and kind not in ("regular", "plane"):
+        raise AtcError(f"{made.where('grid', 'kind')}: --movie needs a regular or plane grid, not {kind}")
+    if picture is not None and kind not in ("regular", "plane", "line"):
+        raise AtcError(f"{made.where('grid', 'kind')}: --picture needs a regular, plane or line grid, not {kind}")
+    with progress_bar(quiet) as progress:
+        result = twin_of(made, tell=None if quiet else print, progress=progress)
+    show(result, quiet=quiet)
+    write_result(result, out, picture, tell=not quiet)
+    if movie is not None:
+        result.movie(movie)
         if not quiet:
-            result.print(console())
-        write_result(result, out, picture, tell=not quiet)
-        if movie is not None:
-            result.movie(movie)
-            if not quiet:
-                print(f"movie: {movie}")
-        if report is not None:
-            write_page(result.dataset, report)
-            if not quiet:
-                print(f"report: {report}")
+            print(f"movie: {movie}")
+    if report is not None:
+        write_page(result.dataset, report)
+        if not quiet:
+            print(f"report: {report}")

@@ -25,11 +25,6 @@ Folder = Annotated[
 Quiet = Annotated[bool, option("-q --quiet", "Print nothing.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the verb `upscale` with its own verbs."""
-    app.add_typer(group)
-
-
 def _table(report, quiet: bool) -> None:
     if quiet:
         return

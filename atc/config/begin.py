@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from glob import has_magic
 from pathlib import Path
 
 from ..errors import AtcError
@@ -128,15 +129,9 @@ def scene_for(files, model, target, topology=None, units=None, masses=None) -> t
 def _relative(path, folder) -> str:
     path = Path(path)
     try:
-        return Path(os.path.relpath(path.resolve() if not _pattern(path) else path, folder.resolve())).as_posix()
+        return Path(os.path.relpath(path if has_magic(str(path)) else path.resolve(), folder.resolve())).as_posix()
     except ValueError:  # another drive
         return path.as_posix()
-
-
-def _pattern(path) -> bool:
-    from glob import has_magic
-
-    return has_magic(str(path))
 
 
 def _output_name(file) -> str:
@@ -165,11 +160,8 @@ def _radius(frame) -> float:
     if not len(frame):
         raise AtcError(f"{frame.source}: there are no atoms")
     each = _occupied(frame) / len(frame)
-    r = (
-        (3 * _IN_REACH * each / (4 * math.pi)) ** (1 / 3)
-        if frame.dimension == 3
-        else (_IN_REACH * each / math.pi) ** 0.5
-    )
+    ball, inverse = (4 * math.pi / 3, 1 / 3) if frame.dimension == 3 else (math.pi, 0.5)
+    r = (_IN_REACH * each / ball) ** inverse
     r = frame.units.to_user("length", r)
     digits = 1 - math.floor(math.log10(r))
     return round(r, digits)

@@ -14,7 +14,7 @@ from functools import reduce
 import numpy as np
 
 from ..errors import AtcError
-from .words import guess
+from .words import unknown
 
 _LONGEST = 2000
 # Well inside of what Python's own stack allows.
@@ -39,26 +39,8 @@ _COMPARE = {
 # name: (function, fewest arguments, most arguments)
 FUNCTIONS = {
     **{
-        name: (getattr(np, numpy), 1, 1)
-        for name, numpy in dict(
-            sin="sin",
-            cos="cos",
-            tan="tan",
-            asin="arcsin",
-            acos="arccos",
-            atan="arctan",
-            sinh="sinh",
-            cosh="cosh",
-            tanh="tanh",
-            exp="exp",
-            log="log",
-            log10="log10",
-            sqrt="sqrt",
-            abs="abs",
-            floor="floor",
-            ceil="ceil",
-            sign="sign",
-        ).items()
+        name: (getattr(np, {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}.get(name, name)), 1, 1)
+        for name in "sin cos tan asin acos atan sinh cosh tanh exp log log10 sqrt abs floor ceil sign".split()
     },
     "atan2": (np.arctan2, 2, 2),
     "min": (lambda *a: reduce(np.minimum, a), 2, 99),
@@ -119,15 +101,11 @@ class Formula:
         """As a call, but infinity and what is not a number are an error made by `complain(why)`."""
         out = self(**values)
         if not np.isfinite(out).all():
-            at = []
             bad = np.flatnonzero(~np.isfinite(np.ravel(out)))[0]
-            for name in sorted(self.uses):
-                v = np.asarray(values[name], float)
-                at.append(f"{name} = {float(v if v.ndim == 0 else np.broadcast_to(v, out.shape).ravel()[bad]):.6g}")
+            there = {v: float(np.broadcast_to(np.asarray(values[v], float), out.shape).ravel()[bad]) for v in self.uses}
+            at = ", ".join(f"{name} = {there[name]:.6g}" for name in sorted(there))
             raise complain(
-                f"{self._shown()} is {float(np.ravel(out)[bad])} at {', '.join(at)}"
-                if at
-                else f"{self._shown()} is not finite"
+                f"{self._shown()} is {float(np.ravel(out)[bad])} at {at}" if at else f"{self._shown()} is not finite"
             )
         return out
 
@@ -205,17 +183,14 @@ class Formula:
         if name in FUNCTIONS:
             raise self._wrong(self._place(node), f"{name} is a function: write {name}(...)")
         known = [*self.variables, *CONSTANTS, *self._words]
-        raise self._wrong(self._place(node), f"unknown {name!r}: {guess(name, known)}known: {', '.join(known)}")
+        raise self._wrong(self._place(node), unknown(repr(name), name, known))
 
     def _call(self, node):
         if not isinstance(node.func, ast.Name):
             raise self._wrong(self._place(node), "only functions by their names are known here")
         name = node.func.id
         if name not in FUNCTIONS:
-            raise self._wrong(
-                self._place(node),
-                f"unknown function {name!r}: {guess(name, FUNCTIONS)}known: {', '.join(sorted(FUNCTIONS))}",
-            )
+            raise self._wrong(self._place(node), unknown(f"function {name!r}", name, sorted(FUNCTIONS)))
         f, fewest, most = FUNCTIONS[name]
         if node.keywords or any(isinstance(a, ast.Starred) for a in node.args) or not fewest <= len(node.args) <= most:
             want = f"{fewest} or more arguments" if most > fewest else f"{fewest} argument{'s' * (fewest > 1)}"

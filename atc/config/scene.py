@@ -13,6 +13,7 @@ import re
 import shutil
 import tomllib
 from collections.abc import Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -22,7 +23,7 @@ from ..errors import AtcError
 from ..readers.whole import whole_text
 from .schema import GRIDS, SCHEMA
 from .toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
-from .words import frame_slice, guess
+from .words import frame_slice, unknown
 
 #: What makes a potential of a learned model's file, or of a name, and what else [potential] may tell it.
 LEARNED = {
@@ -110,10 +111,7 @@ class Scene(Document):
         scene = cls(data, folder, name, lines)
         for section, table in data.items():
             if section not in SCHEMA:
-                raise AtcError(
-                    f"{scene.where(section)}: unknown section [{section}]: {guess(section, SCHEMA)}known: "
-                    f"{', '.join(SCHEMA)}"
-                )
+                raise AtcError(f"{scene.where(section)}: {unknown(f'section [{section}]', section, SCHEMA)}")
             if not isinstance(table, dict):
                 raise AtcError(
                     f"{scene.where(section)}: {section} must be a section: write [{section}] and its keys below"
@@ -130,15 +128,35 @@ class Scene(Document):
     def _bad(self, section, key, why) -> AtcError:
         return AtcError(f"{self.where(section, key)}: [{section}] {key}: {why}")
 
+    def _unknown(self, section, key, word, known) -> AtcError:
+        return self._bad(section, key, unknown(repr(word), word, known))
+
+    @contextmanager
+    def _value_of(self, section, key):
+        """An error of a lower floor is what is wrong with the value of this key."""
+        try:
+            yield
+        except AtcError as e:
+            raise self._bad(section, key, e) from None
+
+    @contextmanager
+    def _placed_at(self, section, key=None):
+        """An error of a lower floor is said with the line of this key; else of the section's key that it speaks of (or
+        of the section)."""
+        try:
+            yield
+        except AtcError as e:
+            spoken = [k for k in self.data.get(section, {}) if k != "name" and k in str(e)] if key is None else [key]
+            where = self.where(section, spoken[0]) if len(spoken) == 1 else self.where(section)
+            raise AtcError(f"{where}: [{section}] {e}") from None
+
     def _check(self):
         for section, table in self.data.items():
             known = SCHEMA[section]
             for key in table:
                 if key not in known:
-                    raise AtcError(
-                        f"{self.where(section, key)}: unknown key {key!r} in [{section}]: {guess(key, known)}known: "
-                        f"{', '.join(known)}"
-                    )
+                    what = unknown(f"key {key!r} in [{section}]", key, known)
+                    raise AtcError(f"{self.where(section, key)}: {what}")
                 self.check_value(known[key], table, key, partial(self._bad, section, key))
         if "file" not in self.data.get("trajectory", {}) and not (
             "dispersion" in self.data and "trajectory" not in self.data
@@ -148,40 +166,37 @@ class Scene(Document):
         self._check_potential()
         self._check_trajectory()
         self.selection()
+        from ..estimators.columns import split
+        from ..estimators.registry import QUANTITIES
+
         for q in self.get("fields", "quantities", []):
             if q.startswith("column:"):
-                self._check_column(q)
-            else:
-                self._check_name("fields", "quantities", q, _quantity_names())
-        name = self.data.get("kernel", {}).get("name")
-        if name is not None:
-            self._check_name("kernel", "name", name, _kernel_names())
-            if not isinstance(self.get("kernel", "table"), str):  # a table in a file is looked at when it is used
-                self.kernel()
-        elif "kernel" in self.data:
-            raise self.need("kernel", f"[kernel] needs name, one of {', '.join(_kernel_names())}")
+                with self._value_of("fields", "quantities"):
+                    split(q)
+            elif q not in QUANTITIES:
+                raise self._unknown("fields", "quantities", q, QUANTITIES)
+        self._check_kernel()
+
+    def _check_kernel(self):
+        if "kernel" not in self.data:
+            return
+        from ..kernels import known
+
+        name = self.get("kernel", "name")
+        if name is None:
+            raise self.need("kernel", f"[kernel] needs name, one of {', '.join(known())}")
+        if name not in known():
+            raise self._unknown("kernel", "name", name, known())
+        if not isinstance(self.get("kernel", "table"), str):  # a table in a file is looked at when it is used
+            self.kernel()
 
     def _check_trajectory(self):
         from ..readers.declared import cell_of, periodic_of
 
         for key, check in (("cell", lambda v: cell_of(v, 1.0)), ("pbc", periodic_of)):
             if self.get("trajectory", key) is not None:
-                try:
+                with self._value_of("trajectory", key):
                     check(self.get("trajectory", key))
-                except AtcError as e:
-                    raise self._bad("trajectory", key, str(e)) from None
-
-    def _check_name(self, section, key, word, known):
-        if known and word not in known:
-            raise self._bad(section, key, f"unknown {word!r}: {guess(word, known)}known: {', '.join(known)}")
-
-    def _check_column(self, name):
-        from ..estimators.columns import split
-
-        try:
-            split(name)
-        except AtcError as e:
-            raise self._bad("fields", "quantities", str(e)) from None
 
     def _check_potential(self):
         if "potential" not in self.data:
@@ -272,10 +287,7 @@ class Scene(Document):
             if frames is not None:
                 raise self._bad("trajectory", "frames", "a stream has no numbered frames: leave it out")
             return whole
-        if frames is None:
-            part = whole
-        else:
-            part = whole[frame_slice(frames)]
+        part = whole if frames is None else whole[frame_slice(frames)]
         if len(part) == 0:
             why = f"{whole.source} has {len(whole)} complete frame{'s' * (len(whole) != 1)}, numbered from 0"
             raise AtcError(
@@ -311,18 +323,20 @@ class Scene(Document):
             return given
         if isinstance(given, str):
             return self.path("trajectory", "file")
-        return [self.folder / Path(name).expanduser() for name in given or []]
+        return self._paths("trajectory", "file")
+
+    def _paths(self, section, key) -> list[Path]:
+        """The file names of a key that holds one or a list."""
+        return [self.folder / Path(name).expanduser() for name in self._listed(self.get(section, key) or [])]
 
     def _read(self, path, key):
         from .. import read
         from ..readers.chain import matching
 
         for one in [] if str(path).startswith("imd://") else self._listed(path):
-            try:
+            with self._value_of("trajectory", key):
                 if matching(one) is None and not os.path.exists(one):
                     raise AtcError(f"there is no file {one}")
-            except AtcError as e:
-                raise self._bad("trajectory", key, str(e)) from None
         topology = self.path("trajectory", "topology")
         if topology is None:
             topology = self._topology_of_system(path)
@@ -401,14 +415,11 @@ class Scene(Document):
 
     def log(self):
         """The log files of the run, as a list of paths; None if the scene names none."""
-        value = self.get("trajectory", "log")
-        if value is None:
-            return None
-        paths = [self.folder / Path(name).expanduser() for name in ([value] if isinstance(value, str) else value)]
+        paths = self._paths("trajectory", "log")
         for path in paths:
             if not os.path.isfile(path):
                 raise self._bad("trajectory", "log", f"there is no file {path}")
-        return paths
+        return paths or None
 
     def kernel(self):
         """The localisation function, in the user's unit of length; None if the scene has none."""
@@ -422,10 +433,8 @@ class Scene(Document):
             table["table"] = self._columns("kernel", "table", 2)
         if isinstance(table.get("size"), list) and len(table["size"]) == 2:
             table["dimension"] = 2
-        try:
+        with self._placed_at("kernel"):
             return kernel(name, table.pop("radius", None), **table)
-        except AtcError as e:
-            raise self._placed_error("kernel", list(self.data["kernel"]), e) from None
 
     def potential(self):
         """The model of the interactions; None if the scene has none. Files it names are relative to the scene."""
@@ -462,12 +471,10 @@ class Scene(Document):
         import atc
 
         options = {k: v for k in LEARNED[maker] if (v := self.get("potential", k)) is not None}
-        try:
+        with self._placed_at("potential", maker):
             # A model of KIM has a name, the others are files.
             model = self.get("potential", maker) if maker == "kim" else self.path("potential", maker)
             return getattr(atc, maker)(model, **options)
-        except AtcError as e:
-            raise AtcError(f"{self.where('potential', maker)}: [potential] {e}") from None
 
     def _of_system(self, kind):
         """The potential of another code's system, read once."""
@@ -475,19 +482,14 @@ class Scene(Document):
 
         options = {k: v for k in SYSTEMS[kind] if (v := self.get("potential", k)) is not None}
         if "parameters" in options:
-            given = options["parameters"]
-            options["parameters"] = tuple(
-                self.folder / Path(name).expanduser() for name in ([given] if isinstance(given, str) else given)
-            )
+            options["parameters"] = tuple(self._paths("potential", "parameters"))
         if "include" in options:
             options["include"] = self.path("potential", "include")
         path = self.path("potential", kind)
         key = (path, str(options))
         if self._made[0] != key:
-            try:
+            with self._placed_at("potential", kind):
                 self._made = (key, potential_from_openmm(path, kind, **options))
-            except AtcError as e:
-                raise AtcError(f"{self.where('potential', kind)}: [potential] {e}") from None
         return self._made[1]
 
     def _of_script(self, path, units):
@@ -497,8 +499,7 @@ class Scene(Document):
         run, files = self.get("potential", "run"), self._files()
         key = (path, units, run, str(files))
         if self._made[0] != key:
-            files = files if isinstance(files, list) else [files]
-            self._made = (key, potential(path, units=units, run=run, trajectory=files))
+            self._made = (key, potential(path, units=units, run=run, trajectory=self._listed(files)))
         return self._made[1]
 
     def _held(self, pot):
@@ -523,8 +524,7 @@ class Scene(Document):
 
     def _says_constraints(self) -> bool:
         """Whether the topology is of the kind that says which distances the run held."""
-        files = self._files()
-        names = [*(files if isinstance(files, list) else [files]), self.get("trajectory", "topology")]
+        names = [*self._listed(self._files()), self.get("trajectory", "topology")]
         return any(str(name).lower().endswith(".tpr") for name in names if name is not None)
 
     def _shared(self, pot, partition):
@@ -532,16 +532,12 @@ class Scene(Document):
         if alpha is not None:
             from ..decomposers.long_range.kspace import with_alpha
 
-            try:
+            with self._placed_at("potential", "alpha"):
                 pot = with_alpha(pot, alpha)
-            except AtcError as e:
-                raise AtcError(f"{self.where('potential', 'alpha')}: [potential] {e}") from None
         if partition is None:
             return pot
-        try:
+        with self._placed_at("potential", "partition"):
             return pot.partitioned(partition)
-        except AtcError as e:
-            raise AtcError(f"{self.where('potential', 'partition')}: [potential] {e}") from None
 
     def grid(self):
         """Where the fields are wanted; None if the scene has no grid."""
@@ -556,11 +552,9 @@ class Scene(Document):
             table = {"xyz": self._columns("grid", "points", 3, 2) if isinstance(xyz, str) else xyz}
         if kind == "planes" and self.get("trajectory", "timestep") is not None:
             table.setdefault("interval", self.get("trajectory", "timestep"))
-        try:
+        with self._placed_at("grid"):
             made = getattr(Grid, kind)(**table)
             return made if follow is None else made.following(follow)
-        except AtcError as e:
-            raise self._placed_error("grid", list(self.data["grid"]), e) from None
 
     def selection(self) -> dict:
         """What `atc.fields` takes as select, by and bonds; {} if the scene has none."""
@@ -570,15 +564,13 @@ class Scene(Document):
 
         table = dict(self.data["select"])
         out: dict = {k: table.pop(k) for k in ("by", "bonds") if k in table}
-        try:
+        with self._placed_at("select"):
             if table:
                 out["select"] = select(**table)
             elif "bonds" in out:
                 raise AtcError(
                     "bonds: whose ends? say which atoms: types, elements, ids, molecules, groups, region or atoms"
                 )
-        except AtcError as e:
-            raise self._placed_error("select", list(self.data["select"]), e) from None
         return out
 
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
@@ -602,17 +594,10 @@ class Scene(Document):
 
         jobs = cores(jobs)
         method = self.get("fields", "method", "auto")
-        try:
+        with self._placed_at("fields", "method"):
             require_known(method)
-        except AtcError as e:
-            raise self._placed_error("fields", ["method"], e) from None
         traj = self.trajectory()
         parallel = jobs > 1 and not self._streams and len(traj) >= jobs
-        given = {
-            k: self.get("fields", k)
-            for k in ("quantities", "tolerance", "average", "horizon", "tiles", "column_units", "velocity")
-            if self.get("fields", k) is not None
-        }
         pot, kern, grid = self.potential(), self.kernel(), self.grid()
         self._require_dimension(
             2 if traj.units.dimension == 2 or (pot is not None and pot.dimension == 2) else 3, kern, grid
@@ -630,18 +615,14 @@ class Scene(Document):
             "log": self.log(),
             **self.selection(),
             "output_units": self.get("output", "units"),
-            **given,
+            **{k: v for k, v in self.data["fields"].items() if k != "method"},
         }
 
     def live(self, **more):
         """An `atc.Live` for this scene; its trajectory is not read. `more`: arguments that go before the scene's."""
         from ..running.live import Live
 
-        given = {
-            k: self.get("fields", k)
-            for k in ("quantities", "tolerance", "average", "horizon", "column_units", "method")
-            if self.get("fields", k) is not None
-        }
+        given = {k: v for k, v in self.data.get("fields", {}).items() if k not in ("tiles", "velocity")}
         asked = {
             "pot": self.potential(),
             "kern": self.kernel(),
@@ -655,11 +636,9 @@ class Scene(Document):
     def _require_dimension(self, dimension, kern, grid):
         """Raise unless kernel and grid have a meaning in so many dimensions."""
         for section, thing, check in (("kernel", kern, "in_dimension"), ("grid", grid, "require_dimension")):
-            try:
+            with self._placed_at(section):
                 if thing is not None:
                     getattr(thing, check)(dimension)
-            except AtcError as e:
-                raise self._placed_error(section, list(self.data[section]), e) from None
 
     def plan(self, jobs: int = 1):
         """What `run` would do; nothing is computed."""
@@ -704,28 +683,15 @@ class Scene(Document):
 
         path = self.path(section, key)
         assert path is not None  # asked for where the key is given
+        expected = f"{path}: expected {count} numbers a line"
         try:
-            values = np.loadtxt(whole_text(path, "text").splitlines(), ndmin=2)
-        except AtcError as e:
-            raise self._bad(section, key, str(e)) from None
+            with self._value_of(section, key):
+                values = np.loadtxt(whole_text(path, "text").splitlines(), ndmin=2)
         except ValueError as e:
-            raise self._bad(
-                section, key, f"{path}: expected {count} numbers a line: {' '.join(str(e).split())}"
-            ) from None
+            raise self._bad(section, key, f"{expected}: {' '.join(str(e).split())}") from None
         if values.shape[1] not in (count, fewer) or not len(values):
-            raise self._bad(
-                section,
-                key,
-                f"{path}: expected {count} numbers a line, found {values.shape[1] if len(values) else 'none'}",
-            )
+            raise self._bad(section, key, f"{expected}, found {values.shape[1] if len(values) else 'none'}")
         return values
-
-    def _placed_error(self, section, keys, error) -> AtcError:
-        """An error of a lower floor, with the line of the key it speaks of (or of the section)."""
-        message = str(error)
-        spoken = [k for k in keys if k != "name" and k in message]
-        where = self.where(section, spoken[0]) if len(spoken) == 1 else self.where(section)
-        return AtcError(f"{where}: [{section}] {message}")
 
     def to_toml(self) -> str:
         """The resolved scene as TOML. Absolute paths lose what lies outside the scene's folder, so that no user or host
@@ -799,12 +765,9 @@ def _setting_path(dotted: str, flag: str) -> tuple[str, str]:
             f"{flag}: expected SECTION.KEY=VALUE, e.g. kernel.radius=10; {hint}got only {dotted!r} before the ="
         )
     if section not in SCHEMA:
-        raise AtcError(f"{flag}: unknown section {section!r}: {guess(section, SCHEMA)}known: {', '.join(SCHEMA)}")
+        raise AtcError(f"{flag}: {unknown(f'section {section!r}', section, SCHEMA)}")
     if key not in SCHEMA[section]:
-        raise AtcError(
-            f"{flag}: unknown key {key!r} in [{section}]: {guess(key, SCHEMA[section])}known: "
-            f"{', '.join(SCHEMA[section])}"
-        )
+        raise AtcError(f"{flag}: {unknown(f'key {key!r} in [{section}]', key, SCHEMA[section])}")
     return section, key
 
 
@@ -822,15 +785,3 @@ def _typed(section: str, key: str, text: str):
         except tomllib.TOMLDecodeError:
             pass
     return text
-
-
-def _kernel_names() -> list[str]:
-    from ..kernels import known
-
-    return known()
-
-
-def _quantity_names() -> list[str]:
-    from ..estimators.registry import QUANTITIES
-
-    return list(QUANTITIES)

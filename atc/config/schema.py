@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from .words import frame_slice, guess
@@ -30,54 +31,40 @@ def _string(v):
     return v
 
 
-def _number(v):
-    if isinstance(v, bool) or not isinstance(v, (int, float)) or v != v or v in (float("inf"), float("-inf")):
-        raise ValueError
-    return v
-
-
-def _not_negative(v):
-    if _number(v) < 0:
-        raise ValueError("it must not be negative")
-    return v
-
-
-def _positive(v):
-    if _number(v) <= 0:
-        raise ValueError("it must be greater than 0")
-    return v
-
-
-def _part(v):
-    if _positive(v) > 1:
-        raise ValueError("it must be at most 1")
-    return v
-
-
-def _count(v):
-    if isinstance(v, bool) or not isinstance(v, int):
-        raise ValueError
-    if v < 1:
-        raise ValueError("it must be at least 1, or there is nothing to compute")
-    return v
-
-
-def _seed(v):
-    if _integer(v) < 0:
-        raise ValueError("it must not be negative")
-    return v
-
-
-def _integer(v):
-    if isinstance(v, bool) or not isinstance(v, int):
-        raise ValueError
-    return v
-
-
 def _boolean(v):
     if not isinstance(v, bool):
         raise ValueError
     return v
+
+
+def _a_number(types, good=lambda v: True, why="", **json):
+    """A check of a finite number of these types that is `good`; `why`: what it must be."""
+
+    def checked(v):
+        if isinstance(v, bool) or not isinstance(v, types) or v != v or v in (float("inf"), float("-inf")):
+            raise ValueError
+        if not good(v):
+            raise ValueError(why)
+        return v
+
+    return described(checked, {"type": "integer" if types is int else "number", **json})
+
+
+_REAL = (int, float)
+_number = _a_number(_REAL)
+_not_negative = _a_number(_REAL, lambda v: v >= 0, "it must not be negative", minimum=0)
+_positive = _a_number(_REAL, lambda v: v > 0, "it must be greater than 0", exclusiveMinimum=0)
+_part = _a_number(_REAL, lambda v: 0 < v <= 1, "it must be greater than 0, at most 1", exclusiveMinimum=0, maximum=1)
+_tolerance = _a_number(
+    _REAL,
+    lambda v: 0 < v < 1,
+    "it must lie between 0 and 1 (1e-12 means the exact sum)",
+    exclusiveMinimum=0,
+    exclusiveMaximum=1,
+)
+_integer = _a_number(int)
+_count = _a_number(int, lambda v: v >= 1, "it must be at least 1, or there is nothing to compute", minimum=1)
+_seed = _a_number(int, lambda v: v >= 0, "it must not be negative", minimum=0)
 
 
 def _list_of(check, length=None):
@@ -105,14 +92,24 @@ def _either(*checks):
 
 def _choice(choices: Callable[[], list[str]] | list[str]):
     def checked(v):
-        known = choices() if callable(choices) else choices
         if not isinstance(v, str):
             raise ValueError
+        known = choices() if callable(choices) else choices
         if v not in known:
             raise ValueError(f"{guess(v, known)}known: {', '.join(known)}")
         return v
 
     return described(checked, lambda: {"enum": list(choices() if callable(choices) else choices)})
+
+
+def _choice_of(module: str, *names: str):
+    """One of the words that these collections in a module of atc hold; it is imported when it is asked."""
+
+    def known():
+        found = import_module(f"atc.{module}")
+        return [word for name in names for word in getattr(found, name)]
+
+    return _choice(known)
 
 
 def _dimension(v):
@@ -135,39 +132,22 @@ def _frames(v):
     return v
 
 
-def _energies(v):
-    if not isinstance(v, dict) or not v:
-        raise ValueError
-    return {k: _number(x) for k, x in v.items()}
+def _table_of(check, fewest: int = 0):
+    """A table with so many keys at least, of any name."""
+
+    def checked(v):
+        if not isinstance(v, dict) or len(v) < fewest:
+            raise ValueError
+        return {str(k): check(x) for k, x in v.items()}
+
+    sizes = {"minProperties": fewest} if fewest else {}
+    return described(checked, lambda: {"type": "object", "additionalProperties": json_of(check), **sizes})
 
 
 def _partition(v):
     if isinstance(v, dict) and v:
         return {str(k): w if isinstance(w, list) else _string(w) for k, w in v.items()}
     return _string(v)
-
-
-def _table_of(check):
-    def checked(v):
-        if not isinstance(v, dict):
-            raise ValueError
-        return {str(k): check(x) for k, x in v.items()}
-
-    return checked
-
-
-def _masses(v):
-    if isinstance(v, list):
-        return _list_of(_positive)(v)
-    if not v:
-        raise ValueError
-    return _table_of(_positive)(v)
-
-
-def _tolerance(v):
-    if not 0 < _number(v) < 1:
-        raise ValueError("it must lie between 0 and 1 (1e-12 means the exact sum)")
-    return v
 
 
 def _atom_style(v):
@@ -191,108 +171,30 @@ def _output_units(v):
     return v
 
 
-def _unit_names():
-    from ..units import _SYSTEMS
-
-    return list(_SYSTEMS)
-
-
-def _force_modes():
-    from ..agreement.forces import MODES
-
-    return list(MODES)
-
-
-def _constraint_sources():
-    from ..decomposers.constraints.held import SOURCES
-
-    return list(SOURCES)
-
-
-def _velocities():
-    from ..planning.request import VELOCITIES
-
-    return VELOCITIES
-
-
-def _parts():
-    from ..estimators.selections import BY
-
-    return BY
-
-
-def _bonds():
-    from ..estimators.selections import BONDS
-
-    return BONDS
-
-
-def _structure_names():
-    from ..upscaling.crystal import STRUCTURES
-
-    return list(STRUCTURES)
-
-
-def _twin_structures():
-    from ..upscaling.crystal import PLANAR_STRUCTURES, STRUCTURES
-
-    return [*STRUCTURES, *PLANAR_STRUCTURES]
-
-
-def _model_names():
-    from ..upscaling.matching import MODELS
-
-    return list(MODELS)
-
-
 # --------------------------------------------------------------------------------------------------------------------
 # What a scene may hold.
 
 
 for _check, _json in (
     (_string, {"type": "string", "pattern": r"\S"}),
-    (_number, {"type": "number"}),
-    (_not_negative, {"type": "number", "minimum": 0}),
-    (_positive, {"type": "number", "exclusiveMinimum": 0}),
-    (_part, {"type": "number", "exclusiveMinimum": 0, "maximum": 1}),
-    (_count, {"type": "integer", "minimum": 1}),
-    (_seed, {"type": "integer", "minimum": 0}),
-    (_integer, {"type": "integer"}),
     (_boolean, {"type": "boolean"}),
     (_dimension, {"enum": [2, 3]}),
     (_axis, {"enum": [*"xyzabcXYZABC", 0, 1, 2]}),
-    (_tolerance, {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1}),
     (_atom_style, {"type": "string", "pattern": r"\S"}),
-    (
-        _frames,
-        {
-            "anyOf": [
-                {"type": "integer"},
-                {"type": "string", "pattern": r"^\s*-?\d*\s*(:\s*-?\d*\s*){0,2}$"},
-                {
-                    "type": "object",
-                    "properties": {k: {"type": "integer"} for k in ("begin", "end", "step")},
-                    "additionalProperties": False,
-                },
-            ]
-        },
-    ),
     (_partition, {"anyOf": [{"type": "string"}, {"type": "object", "minProperties": 1}]}),
-    (
-        _masses,
-        {
-            "anyOf": [
-                {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1},
-                {
-                    "type": "object",
-                    "additionalProperties": {"type": "number", "exclusiveMinimum": 0},
-                    "minProperties": 1,
-                },
-            ]
-        },
-    ),
 ):
     described(_check, _json)
+_SLICE = {k: {"type": "integer"} for k in ("begin", "end", "step")}
+described(
+    _frames,
+    {
+        "anyOf": [
+            {"type": "integer"},
+            {"type": "string", "pattern": r"^\s*-?\d*\s*(:\s*-?\d*\s*){0,2}$"},
+            {"type": "object", "properties": _SLICE, "additionalProperties": False},
+        ]
+    },
+)
 
 
 @dataclass(frozen=True)
@@ -302,22 +204,30 @@ class Key:
     path: bool = False  # a file name (when it is a string), relative to the scene
 
 
+_UNITS = Key(_choice_of("units", "_SYSTEMS"), 'a unit style, e.g. "metal"')
+_TIMESTEP = Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001")
+_YES = Key(_boolean, "true or false")
+_STRINGS = _either(_string, _list_of(_string))
+_VECTOR3 = _list_of(_number, 3)
 _LENGTH3 = _either(_positive, _list_of(_positive, 3), _list_of(_positive, 2))
-_VECTOR = _either(_list_of(_number, 3), _list_of(_number, 2))  # two numbers in two dimensions
+_VECTOR = _either(_VECTOR3, _list_of(_number, 2))  # two numbers in two dimensions
 
 SCHEMA: dict[str, dict[str, Key]] = {
     "trajectory": {
         "file": Key(
-            _either(_string, _list_of(_string)),
+            _STRINGS,
             'a file name, a pattern or a list of names, e.g. "run.dump", "dump.*" or ["a.dump", "b.dump"]',
             path=True,
         ),
         "topology": Key(_string, 'the name of a LAMMPS data file, e.g. "run.data"', path=True),
         "atom_style": Key(_atom_style, 'the atom_style of the LAMMPS run, e.g. "full" or "hybrid sphere molecular"'),
-        "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
-        "masses": Key(_masses, "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]"),
+        "units": _UNITS,
+        "masses": Key(
+            _either(_list_of(_positive), _table_of(_positive, 1)),
+            "a mass for each type, e.g. { 1 = 28.0855 } or [28.0855]",
+        ),
         "cell": Key(
-            _either(_list_of(_positive, 3), _list_of(_list_of(_number, 3), 3), _list_of(_list_of(_number, 2), 3)),
+            _either(_list_of(_positive, 3), _list_of(_VECTOR3, 3), _list_of(_list_of(_number, 2), 3)),
             "the cell of files that have none: three lengths, edge vectors or pairs [lo, hi], e.g. [20.0, 20.0, 40.0]",
         ),
         "pbc": Key(
@@ -335,11 +245,11 @@ SCHEMA: dict[str, dict[str, Key]] = {
             path=True,
         ),
         "forces": Key(
-            _choice(_force_modes),
+            _choice_of("agreement.forces", "MODES"),
             'what to do where the run\'s forces are not the potential\'s: "warn", "must agree" or "ignore"',
         ),
         "log": Key(
-            _either(_string, _list_of(_string)),
+            _STRINGS,
             'the LAMMPS log file of the run, or a list of them, e.g. "log.lammps"',
             path=True,
         ),
@@ -357,7 +267,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         "psf": Key(_string, 'a structure file of CHARMM or NAMD, e.g. "step5.psf", with parameters', path=True),
         "top": Key(_string, 'a topology of GROMACS, e.g. "topol.top"', path=True),
         "parameters": Key(
-            _either(_string, _list_of(_string)),
+            _STRINGS,
             'the CHARMM files of a psf, e.g. ["par_all36_prot.prm", "top_all36_prot.rtf"]',
             path=True,
         ),
@@ -385,12 +295,12 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _choice(["edge", "central"]), 'how a learned model of one hop gives its stress: "edge" or "central"'
         ),
         "reference": Key(
-            _either(_choice(["isolated"]), _energies),
+            _either(_choice(["isolated"]), _table_of(_number, 1)),
             'the energies of single atoms to subtract: "isolated" (the model says) or, by element, { Si = -163.2 }',
         ),
         "device": Key(_string, 'where torch computes, e.g. "cpu" or "cuda"'),
         "types": Key(_list_of(_string), 'the element of each atom type in the potential\'s names, e.g. ["Te", "Pb"]'),
-        "units": Key(_choice(_unit_names), 'a unit style, e.g. "metal"'),
+        "units": _UNITS,
         "run": Key(_count, "the number of the script's run that the frames belong to, counted from 1, e.g. 2"),
         "partition": Key(
             _partition,
@@ -415,7 +325,10 @@ SCHEMA: dict[str, dict[str, Key]] = {
             path=True,
         ),
         "topology": Key(_boolean, "whether a .tpr topology says what is held, where nothing else does: true or false"),
-        "source": Key(_choice(_constraint_sources), 'what constraint forces are found from, e.g. "forces"'),
+        "source": Key(
+            _choice_of("decomposers.constraints.held", "SOURCES"),
+            'what constraint forces are found from, e.g. "forces"',
+        ),
         "temperature": Key(
             _positive, "a temperature greater than 0, for constraint forces that are right on average only"
         ),
@@ -474,7 +387,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             'what the grid moves with: "mass", the centre of mass of the atoms, or of those selected; "+z", "-x", ...: '
             "the interface on this side of the denser phase",
         ),
-        "center": Key(_list_of(_number, 3), "a point, e.g. [20.0, 20.0, 10.0]"),
+        "center": Key(_VECTOR3, "a point, e.g. [20.0, 20.0, 10.0]"),
         "radius": Key(_positive, "a length greater than 0, e.g. 15.0"),
         "inner": Key(_not_negative, "a length, the radius where the grid begins, e.g. 5.0"),
         "length": Key(_positive, "a length greater than 0, along the axis, e.g. 40.0"),
@@ -487,15 +400,17 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "select": {
         "atoms": Key(_string, 'a selection of MDAnalysis, e.g. "type 1 2" or "name OW and prop z < 20"'),
         "types": Key(_either(_count, _list_of(_count)), "atom types, e.g. [1, 2]"),
-        "elements": Key(_either(_string, _list_of(_string)), 'names of types in the trajectory, e.g. ["O", "H"]'),
+        "elements": Key(_STRINGS, 'names of types in the trajectory, e.g. ["O", "H"]'),
         "ids": Key(_either(_count, _string, _list_of(_either(_count, _string))), 'atom ids or spans, e.g. "1:100"'),
         "molecules": Key(_either(_integer, _list_of(_integer)), "molecule numbers, e.g. [1, 2]"),
-        "groups": Key(_either(_string, _list_of(_string)), 'groups of the script of [potential], e.g. "wall"'),
+        "groups": Key(_STRINGS, 'groups of the script of [potential], e.g. "wall"'),
         "region": Key(_string, 'words of a LAMMPS region, e.g. "block 0 10 INF INF 0 5"'),
         "invert": Key(_boolean, "true (all atoms but these) or false"),
         "fixed": Key(_boolean, "true (those that the first frame has of these) or false (each frame is asked anew)"),
-        "by": Key(_choice(lambda: list(_parts())), 'what fields are taken apart by: "type", "element" or "molecule"'),
-        "bonds": Key(_choice(lambda: list(_bonds())), 'which bonds count: "half", "both", "one" or "any"'),
+        "by": Key(
+            _choice_of("estimators.selections", "BY"), 'what fields are taken apart by: "type", "element" or "molecule"'
+        ),
+        "bonds": Key(_choice_of("estimators.selections", "BONDS"), 'which bonds count: "half", "both", "one" or "any"'),
     },
     "fields": {
         "quantities": Key(
@@ -514,7 +429,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _either(_list_of(_count, 3), _list_of(_count, 2)), "numbers of tiles along the cell's edges, e.g. [2, 2, 1]"
         ),
         "velocity": Key(
-            _choice(lambda: list(_velocities())),
+            _choice_of("planning.request", "VELOCITIES"),
             'what thermal motion is relative to: "frame" (default), "local", "average" or "none"',
         ),
         "average": Key(
@@ -525,33 +440,38 @@ SCHEMA: dict[str, dict[str, Key]] = {
     "check": {
         "points": Key(_count, "a number of random points, e.g. 20"),
         "seed": Key(_seed, "a whole number, 0 or more"),
-        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
+        "timestep": _TIMESTEP,
     },
     "dispersion": {
-        "structure": Key(_choice(_structure_names), 'a cubic structure, e.g. "fcc"'),
+        "structure": Key(_choice_of("upscaling.crystal", "STRUCTURES"), 'a cubic structure, e.g. "fcc"'),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
         "keep_lattice_constant": Key(
             _boolean, "true (compute at lattice_constant) or false (relax, or take the trajectory's)"
         ),
         "unit_cell": Key(_string, 'a file with one unit cell, e.g. "cell.data"', path=True),
         "masses": Key(_list_of(_positive), "a mass for each atom of the basis, e.g. [39.948]"),
-        "directions": Key(_list_of(_list_of(_number, 3)), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),
+        "directions": Key(_list_of(_VECTOR3), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),
         "path": Key(_string, 'a path through the zone: "auto", "seekpath" or names of its points, e.g. "Γ-X-W-K-Γ-L"'),
-        "models": Key(_list_of(_choice(_model_names)), 'peridynamic models, e.g. ["classical", "cubic"]'),
+        "models": Key(
+            _list_of(_choice_of("upscaling.matching", "MODELS")), 'peridynamic models, e.g. ["classical", "cubic"]'
+        ),
         "horizon": Key(_positive, "a length greater than 0, e.g. 8.5"),
         "knots": Key(_count, "a number of knots, e.g. 12"),
         "width": Key(_positive, "a length greater than 0, e.g. 0.5"),
         "order": Key(_seed, "a whole number, 0 or more"),
         "reach": Key(_positive, "a length greater than 0, e.g. 8.5"),
-        "phonopy": Key(_boolean, "true or false"),
-        "twin": Key(_boolean, "true or false"),
+        "phonopy": _YES,
+        "twin": _YES,
         "blocks": Key(_count, "a number of blocks, e.g. 5"),
         "linewidths": Key(_choice(["lorentzian", "oscillator"]), '"lorentzian" or "oscillator"'),
-        "structure_factors": Key(_boolean, "true or false"),
-        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
+        "structure_factors": _YES,
+        "timestep": _TIMESTEP,
     },
     "twin": {
-        "structure": Key(_choice(_twin_structures), 'a cubic structure, e.g. "fcc"; in the plane "hexagonal"'),
+        "structure": Key(
+            _choice_of("upscaling.crystal", "STRUCTURES", "PLANAR_STRUCTURES"),
+            'a cubic structure, e.g. "fcc"; in the plane "hexagonal"',
+        ),
         "lattice_constant": Key(_positive, "a length greater than 0 in the trajectory's units, e.g. 5.3"),
         "material": Key(
             _choice(["isotropic", "cauchy-born", "linear", "coarsened", "smoothed", "measured"]),
@@ -562,34 +482,34 @@ SCHEMA: dict[str, dict[str, Key]] = {
         ),
         "nodes": Key(_choice(["lattice", "atoms"]), '"lattice" or "atoms"'),
         "orient": Key(
-            _list_of(_list_of(_number, 3), 3),
+            _list_of(_VECTOR3, 3),
             "the crystal directions along the run's x, y, z, e.g. [[1, 1, 0], [-1, 1, 0], [0, 0, 1]]",
         ),
-        "reference_stress": Key(_boolean, "true or false"),
+        "reference_stress": _YES,
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
-        "fracture": Key(_boolean, "true or false"),
+        "fracture": _YES,
         "fracture_energy": Key(_positive, "an energy per area (in the plane: per length), greater than 0, e.g. 0.17"),
         "notches": Key(
             _list_of(_list_of(_list_of(_number))),
             "cuts: [[x, y], [x, y]] from one end to the other in the plane, a corner and two edges [x, y, z] in space",
         ),
-        "crack_direction": Key(_list_of(_number, 3), "the direction that the crack runs in, e.g. [1, 0, 0]"),
-        "crack_normal": Key(_list_of(_number, 3), "the normal of the crack's plane, e.g. [0, 1, 0]"),
+        "crack_direction": Key(_VECTOR3, "the direction that the crack runs in, e.g. [1, 0, 0]"),
+        "crack_normal": Key(_VECTOR3, "the normal of the crack's plane, e.g. [0, 1, 0]"),
         "temperature": Key(_positive, "a temperature greater than 0, e.g. 300.0"),
         "spacing": Key(_positive, "a length greater than 0, e.g. 5.0"),
         "horizon": Key(_positive, "a length greater than 0, e.g. 15.0"),
         "motion": Key(_choice(["dynamic", "static"]), '"dynamic" or "static"'),
         "safety": Key(_part, "steps in parts of the stable one, greater than 0 and at most 1, e.g. 0.2"),
         "grips": Key(
-            _list_of(_list_of(_list_of(_number, 3), 2)),
+            _list_of(_list_of(_VECTOR3, 2)),
             "boxes [[x, y, z], [x, y, z]] between two corners, e.g. [[[0, 0, 0], [10, 99, 99]]]",
         ),
         "grip_types": Key(_list_of(_count), "atom types, e.g. [2, 3]"),
-        "indenter_centre": Key(_list_of(_number, 3), "three lengths, where the first frame has it"),
-        "indenter_velocity": Key(_list_of(_number, 3), "three velocities, e.g. [0, 0, -0.1]"),
+        "indenter_centre": Key(_VECTOR3, "three lengths, where the first frame has it"),
+        "indenter_velocity": Key(_VECTOR3, "three velocities, e.g. [0, 0, -0.1]"),
         "indenter_radius": Key(_positive, "a length greater than 0, e.g. 20.0"),
         "indenter_stiffness": Key(_positive, "K of fix indent, force/length² on an atom, greater than 0"),
-        "timestep": Key(_positive, "the time of one step in the trajectory's units, e.g. 0.001"),
+        "timestep": _TIMESTEP,
     },
     "output": {
         "file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True),

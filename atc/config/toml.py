@@ -53,7 +53,7 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
             end = text.find("\n", i)
             head = text[i : end if end >= 0 else n]
             if c == "[":
-                table = _dotted(head.strip("[ \t"))
+                table, _ = _dotted(head.strip("[ \t"))
                 found.setdefault(table, number)
                 if head.startswith("[["):
                     array, count = table, counts.get(table, 0)
@@ -61,11 +61,11 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
                     found[table] = number
                 i = end if end >= 0 else n
                 continue
-            path = _dotted(head)
+            path, length = _dotted(head)
             for k in range(1, len(path) + 1):
                 found.setdefault(table + path[:k], number)
             line_start = False
-            i += max(_key_length(head), 1)
+            i += length
             continue
         elif c in "\"'":
             quote = c * 3 if text.startswith(c * 3, i) else c
@@ -82,10 +82,11 @@ def key_lines(text: str) -> dict[tuple[str, ...], int]:
     return found
 
 
-def _dotted(head: str) -> tuple[str, ...]:
-    """The dotted key at the start of `head`, up to ``=`` or ``]``."""
-    parts, part, quote = [], "", ""
+def _dotted(head: str) -> tuple[tuple[str, ...], int]:
+    """The dotted key at the start of `head`, up to ``=`` or ``]``, and how many characters it takes with that."""
+    parts, part, quote, length = [], "", "", 0
     for c in head:
+        length += 1
         if quote:
             if c == quote:
                 quote = ""
@@ -100,20 +101,7 @@ def _dotted(head: str) -> tuple[str, ...]:
             part = ""
         elif not c.isspace():
             part += c
-    return (*parts, part)
-
-
-def _key_length(head: str) -> int:
-    """How many characters the key takes, its ``=`` included."""
-    quote = ""
-    for k, c in enumerate(head):
-        if quote:
-            quote = "" if c == quote else quote
-        elif c in "\"'":
-            quote = c
-        elif c == "=":
-            return k + 1
-    return len(head)
+    return (*parts, part), length
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -197,38 +185,27 @@ class Document:
 # Writing TOML.
 
 
-def _toml_string(s: str) -> str:
+def _toml_string(s: str, over_lines: bool = False) -> str:
     escapes = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\f": "\\f", "\r": "\\r"}
-    multi = "\n" in s
-    out = "".join(
-        escapes.get(c) or (c if c == "\n" and multi else f"\\u{ord(c):04X}" if ord(c) < 32 or ord(c) == 127 else c)
-        for c in s
-    )
-    return f'"""\n{out}"""' if multi else f'"{out}"'
+    escapes["\n"] = "\n" if over_lines else "\\n"
+    out = "".join(escapes.get(c) or (f"\\u{ord(c):04X}" if ord(c) < 32 or ord(c) == 127 else c) for c in s)
+    return f'"""\n{out}"""' if over_lines else f'"{out}"'
 
 
 def toml_key(k: str) -> str:
     """A key as TOML writes it, in quotes where it needs them."""
     bare = k and all(c.isascii() and (c.isalnum() or c in "-_") for c in k)
-    return (
-        k
-        if bare
-        else _toml_string(k).replace("\n", "\\n")
-        if "\n" not in k
-        else '"' + _toml_string(k)[4:-3].replace("\n", "\\n") + '"'
-    )
+    return k if bare else _toml_string(k)
 
 
 def toml_value(v) -> str:
     """One value as TOML."""
     if isinstance(v, bool):
         return "true" if v else "false"
-    if isinstance(v, int):
-        return str(v)
-    if isinstance(v, float):
+    if isinstance(v, (int, float)):
         return repr(v)
     if isinstance(v, str):
-        return _toml_string(v)
+        return _toml_string(v, over_lines="\n" in v)
     if isinstance(v, (list, tuple)):
         return "[" + ", ".join(toml_value(x) for x in v) + "]"
     if isinstance(v, Mapping):

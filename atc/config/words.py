@@ -12,6 +12,11 @@ def guess(word: str, known) -> str:
     return f"did you mean {known[near[0]]!r}? " if near else ""
 
 
+def unknown(what: str, word: str, known) -> str:
+    """ "unknown WHAT: ..." with the known words, first the one nearest to `word`."""
+    return f"unknown {what}: {guess(word, known)}known: {', '.join(map(str, known))}"
+
+
 def frame_slice(value) -> slice:
     """The `slice` that a scene's ``frames`` means: ``"100:500:5"``, ``{begin, end, step}``, or one frame's index.
     ValueError if it means none."""
