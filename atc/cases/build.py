@@ -29,14 +29,12 @@ def simulation(case, threads: int = 0, state=None):
             else:
                 materials[number] = made(models()[m["model"]], m)
         except AtcError as e:
-            raise AtcError(f"{case.where('material', str(k))}: [material] {e}") from None
+            raise case.wrong(("material", str(k)), e) from None
     present = np.unique(body.material_n).tolist()
     for number in present:
         if number not in materials:
-            raise AtcError(
-                f"{case.where('material')}: the nodes have material {number}, which no [[material]] has as its id: "
-                f"{sorted(materials)}"
-            )
+            why = f"the nodes have material {number}, which no [[material]] has as its id: {sorted(materials)}"
+            raise AtcError(f"{case.where('material')}: {why}")
     case_damage.require_one_model(case, materials)
     materials = {n: materials[n] for n in present}
     for n, material in materials.items():
@@ -50,54 +48,33 @@ def simulation(case, threads: int = 0, state=None):
 
     contact = pd.Contact(**case.data["contact"]) if "contact" in case.data else None
     indenters, walls = [], []
-    for k, t in enumerate(case.data.get("indenter", [])):
-        path = history(case, ("indenter", str(k), "center"), t["center"])
+    for path, t in case.tables("indenter"):
+        at = history(case, (*path, "center"), t["center"])
         further = t.get("velocity"), t.get("axis"), t.get("friction", 0.0)
-        indenters.append(pd.Indenter(t["radius"], t["stiffness"], path, *further))
-    for k, t in enumerate(case.data.get("wall", [])):
-        path = history(case, ("wall", str(k), "point"), t["point"])
-        walls.append(pd.Wall(path, t["normal"], t["stiffness"], t.get("velocity"), t.get("friction", 0.0)))
+        indenters.append(pd.Indenter(t["radius"], t["stiffness"], at, *further))
+    for path, t in case.tables("wall"):
+        at = history(case, (*path, "point"), t["point"])
+        walls.append(pd.Wall(at, t["normal"], t["stiffness"], t.get("velocity"), t.get("friction", 0.0)))
     conditions = []
-    for section, make, words in (
-        ("prescribed", pd.Prescribed, ("velocity", "displacement", "until")),
-        ("body_force", pd.BodyForce, ("density", "total")),
-    ):
-        for k, t in enumerate(case.data.get(section, [])):
-            region = region_of(case, t.get("region"))
-            _require_nodes(case, body, region, (section, str(k), "region"))
-            X = body.X_nc[body.nodes(region)]
-            given = {w: history(case, (section, str(k), w), t[w], X) for w in words if w in t}
-            conditions.append(make(region, **given))
+    for path, t in case.tables("prescribed", "body_force"):
+        region, X = _placed(case, body, path, t)
+        given = {word: history(case, (*path, word), v, X) for word, v in t.items() if word != "region"}
+        conditions.append((pd.Prescribed if path[0] == "prescribed" else pd.BodyForce)(region, **given))
     conditions += heat_conditions(case, body)
-    options = {}
-    conducting = conduction(case, materials, names)
-    if conducting:
+    options = {k: v for k, v in case.data["body"].items() if k in ("strain", "temperature")}
+    if conducting := conduction(case, materials, names):
         options["conduction"] = conducting
-    if "strain" in case.data["body"]:
-        options["strain"] = case.data["body"]["strain"]
-    if "temperature" in case.data["body"]:
-        rise = case.data["body"]["temperature"]
-        if isinstance(rise, str):
-            from ..config.formula import Formula
-
-            formula = Formula(rise, ("x", "y", "z"))
-            complain = lambda why: case.bad(("body", "temperature"), why)  # noqa: E731
-            place = dict(zip("xyz", body.X_nc.T, strict=True))
-            rise = np.broadcast_to(formula.finite(complain, **place), (len(body),))
-        options["temperature"] = rise
+    if isinstance(rise := options.get("temperature"), str):
+        law = _Law([rise], body.X_nc, lambda why: case.bad(("body", "temperature"), why))
+        options["temperature"] = np.broadcast_to(law(0.0)[..., 0], (len(body),))
     if state is None:
-        start = {"velocity": np.zeros((len(body), 3)), "displacement": np.zeros((len(body), 3))}
-        for k, t in enumerate(case.data.get("initial", [])):
-            region = region_of(case, t.get("region"))
-            _require_nodes(case, body, region, ("initial", str(k), "region"))
-            for word in ("velocity", "displacement"):
+        for path, t in case.tables("initial"):
+            region, X = _placed(case, body, path, t)
+            for word, option in (("velocity", "velocities"), ("displacement", "displacements")):
                 if word in t:
-                    nodes = body.nodes(region)
-                    value = history(case, ("initial", str(k), word), t[word], body.X_nc[nodes])
-                    start[word][nodes] = value(0.0) if callable(value) else value
-        for word, option in (("velocity", "velocities"), ("displacement", "displacements")):
-            if any(word in t for t in case.data.get("initial", [])):
-                options[option] = start[word]
+                    value = history(case, (*path, word), t[word], X)
+                    start = options.setdefault(option, np.zeros((len(body), 3)))
+                    start[body.nodes(region)] = value(0.0) if callable(value) else value
     run = case.data["run"]
     in_motion = run.get("solver", "verlet") == "verlet"
     for key in ("dt", "safety", "damping", "lammps_compat"):
@@ -138,10 +115,8 @@ def conduction(case, materials, names) -> dict:
     for number, t in tables.items():
         for key in keys:
             if key not in t:
-                raise AtcError(
-                    f"{case.where('material', str(names[number]))}: [material] needs {key}: heat is conducted in this "
-                    "case, and every material needs conductivity and specific_heat"
-                )
+                why = "heat is conducted in this case, and every material needs conductivity and specific_heat"
+                raise case.wrong(("material", str(names[number])), f"needs {key}: {why}")
     return {number: pd.Conduction(*(t[key] for key in keys)) for number, t in tables.items()}
 
 
@@ -149,27 +124,20 @@ def heat_conditions(case, body) -> list:
     """What [[temperature]] and [[heat_source]] say, for the engine."""
     from .. import pd
 
+    def value(path, word, table, X):
+        law = _Law([table[word]], X, lambda why: case.bad((*path, word), why))
+        return lambda time: law(time)[..., 0]
+
     out = []
-    for section in ("temperature", "heat_source"):
-        for k, t in enumerate(case.data.get(section, [])):
-            if not any("conductivity" in m for m in case.data["material"]):
-                raise AtcError(
-                    f"{case.where(section, str(k))}: [{section}] needs a body that conducts: give [[material]] "
-                    "conductivity and specific_heat"
-                )
-            region = region_of(case, t.get("region"))
-            _require_nodes(case, body, region, (section, str(k), "region"))
-            X = body.X_nc[body.nodes(region)]
-
-            def value(word, table=t, path=(section, str(k)), X=X):
-                law = _Law([table[word]], X, lambda why: case.bad((*path, word), why))
-                return lambda time: law(time)[..., 0]
-
-            if section == "temperature":
-                out.append(pd.FixedTemperature(region, value("value"), until=t.get("until", np.inf)))
-            else:
-                word = "density" if "density" in t else "total"
-                out.append(pd.HeatSource(region, **{word: value(word)}))
+    for path, t in case.tables("temperature", "heat_source"):
+        if not any("conductivity" in m for m in case.data["material"]):
+            raise case.wrong(path, "needs a body that conducts: give [[material]] conductivity and specific_heat")
+        region, X = _placed(case, body, path, t)
+        if path[0] == "temperature":
+            out.append(pd.FixedTemperature(region, value(path, "value", t, X), until=t.get("until", np.inf)))
+        else:
+            word = "density" if "density" in t else "total"
+            out.append(pd.HeatSource(region, **{word: value(path, word, t, X)}))
     return out
 
 
@@ -219,14 +187,11 @@ def make_body(case):
                 raise case.bad(("material", str(k), "region"), "no node of the body lies in it")
             material_n[inside] = number
         elif "region" in b and k:
-            raise AtcError(
-                f"{case.where('material', str(k))}: [material] needs region, where it is: only the first of several "
-                "may be everywhere else"
-            )
+            why = "needs region, where it is: only the first of several may be everywhere else"
+            raise case.wrong(("material", str(k)), why)
     for k, m in enumerate(case.data["material"]):
-        if "density" in m:
-            rho_n[material_n == m.get("id", k + 1)] = m["density"]
-        elif (rho := crystals.density(case, k)) is not None:
+        rho = m["density"] if "density" in m else crystals.density(case, k)
+        if rho is not None:
             rho_n[material_n == m.get("id", k + 1)] = rho
     body.material_n, body.rho_n = material_n.astype(np.int32), rho_n
     return body
@@ -249,10 +214,8 @@ def region_of(case, region):
     if region["shape"] == "set":
         sets = case.sets
         if region["name"] not in sets:
-            raise AtcError(
-                f"{case.name}: there is no set {region['name']!r}: expected a set of the mesh in [body] file; known: "
-                f"{', '.join(sets) or 'none'}"
-            )
+            why = f"expected a set of the mesh in [body] file; known: {', '.join(sets) or 'none'}"
+            raise AtcError(f"{case.name}: there is no set {region['name']!r}: {why}")
         return pd.Nodes(sets[region["name"]])
     if region["shape"] == "box":
         return pd.Box(region["lo"], region["hi"])
@@ -314,6 +277,13 @@ class _Law:
         return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
+def _placed(case, body, path, table):
+    """The region of a table, and (m, 3) where its nodes are."""
+    region = region_of(case, table.get("region"))
+    _require_nodes(case, body, region, (*path, "region"))
+    return region, body.X_nc[body.nodes(region)]
+
+
 def _require_nodes(case, body, region, path, what="it"):
     if region is not None and not len(body.nodes(region)):
         raise case.bad(path, f"no node of the body lies in {what}")
@@ -322,13 +292,8 @@ def _require_nodes(case, body, region, path, what="it"):
 def _require_bonds(case, body):
     """Something must hold the body together (or push it apart), and every notch cut something."""
     if not len(body.bonds) and "contact" not in case.data:
-        raise case.bad(
-            ("body", "horizon"),
-            f"no node has another one within {body.horizon:g}, so that nothing holds the body together: take about "
-            f"three spacings (of {body.spacing:g})",
-        )
+        why = f"no node has another one within {body.horizon:g}, so that nothing holds the body together"
+        raise case.bad(("body", "horizon"), f"{why}: take about three spacings (of {body.spacing:g})")
     for k, cut in enumerate(body.cuts):
         if not cut and len(body.bonds):
-            raise AtcError(
-                f"{case.where('notch', str(k))}: [notch] crosses no bond of the body: check its place and its length"
-            )
+            raise case.wrong(("notch", str(k)), "crosses no bond of the body: check its place and its length")

@@ -26,6 +26,16 @@ from .crystals import has_density
 from .schema import ARRAYS, TABLES
 
 SECTIONS = [*TABLES, *ARRAYS]
+#: Keys of which tables of these sections need exactly one.
+_ONE_OF = {
+    "prescribed": [("velocity", "displacement")],
+    "initial": [("velocity", "displacement")],
+    "body_force": [("density", "total")],
+    "heat_source": [("density", "total")],
+    "temperature": [("value",)],
+    "indenter": [("radius",), ("stiffness",), ("center",)],
+    "wall": [("point",), ("normal",), ("stiffness",)],
+}
 
 
 @dataclass
@@ -72,23 +82,18 @@ class Case(Document):
     def _build(cls, data, folder, name, lines, overrides):
         case = cls(data, folder, name, lines)
         for section, value in data.items():
+            at = case.where(section)
             if section not in SECTIONS:
-                raise AtcError(
-                    f"{case.where(section)}: unknown section [{section}]: {guess(section, SECTIONS)}known: "
-                    f"{', '.join(SECTIONS)}"
-                )
+                why = f"{guess(section, SECTIONS)}known: {', '.join(SECTIONS)}"
+                raise AtcError(f"{at}: unknown section [{section}]: {why}")
             if section in ARRAYS and isinstance(value, dict):
                 # One table where several are allowed.
                 data[section] = [value]
                 case._lines.update({(section, "0", *p[1:]): n for p, n in lines.items() if p[0] == section})
             elif not isinstance(value, list if section in ARRAYS else dict):
-                raise AtcError(
-                    f"{case.where(section)}: {section} must be a section: write [{section}] and its keys below"
-                )
+                raise AtcError(f"{at}: {section} must be a section: write [{section}] and its keys below")
             elif section in ARRAYS and not all(isinstance(v, dict) for v in value):
-                raise AtcError(
-                    f"{case.where(section)}: {section} must be sections: write [[{section}]] and the keys of each below"
-                )
+                raise AtcError(f"{at}: {section} must be sections: write [[{section}]] and the keys of each below")
         for (section, key), value, flag in _overrides(overrides):
             case.data.setdefault(section, {})[key] = value
             case._flags[section, key] = flag
@@ -101,7 +106,16 @@ class Case(Document):
         """An error at a key: `path` = (section, key) or (section, number, key)."""
         return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
 
-    def _refuse(self, path, table, keys, why) -> None:
+    def wrong(self, path, why) -> AtcError:
+        """An error at a section: `path` = (section,) or (section, number)."""
+        return AtcError(f"{self.where(*path)}: [{path[0]}] {why}")
+
+    def tables(self, *sections):
+        """(path, table) of every table in sections that may be repeated."""
+        for section in sections:
+            yield from (((section, str(k)), t) for k, t in enumerate(self.data.get(section, [])))
+
+    def refuse(self, path, table, keys, why) -> None:
         """Raise if a table has one of some keys, which do not go with what it says."""
         for key in keys:
             if key in table:
@@ -113,8 +127,7 @@ class Case(Document):
         for section, table in self.data.items():
             if section == "regions":
                 continue
-            one = [((section,), table)]
-            for path, t in [((section, str(k)), t) for k, t in enumerate(table)] if section in ARRAYS else one:
+            for path, t in self.tables(section) if section in ARRAYS else [((section,), table)]:
                 known = self._keys(path, t)
                 for key in list(t):
                     if key not in known:
@@ -138,7 +151,7 @@ class Case(Document):
 
         model = table.get("model")
         if model is None:
-            raise AtcError(f'{self.where(*path)}: [material] needs model, e.g. model = "pmb"')
+            raise self.wrong(path, 'needs model, e.g. model = "pmb"')
         return {**ARRAYS["material"], **keys_of(model, lambda why: self.bad((*path, "model"), why))}
 
     def _check_key(self, spec, table, key, path):
@@ -146,10 +159,9 @@ class Case(Document):
 
     def _check_body(self):
         if "body" not in self.data:
+            example = 'region = { shape = "box", ... }'
             raise self.need(
-                "body",
-                "it needs region and spacing (a lattice), or file (nodes), and horizon, e.g. region = { shape = "
-                '"box", ... }',
+                "body", f"it needs region and spacing (a lattice), or file (nodes), and horizon, e.g. {example}"
             )
         body = self.data["body"]
         if ("region" in body) == ("file" in body):
@@ -163,18 +175,18 @@ class Case(Document):
                 raise self.need("body", "[body] needs spacing, the distance between the nodes of its lattice")
             why = "belongs to nodes from a file; those of a lattice have spacing^3 "
             why += "(spacing^2 thickness in two dimensions)"
-            self._refuse(("body",), body, ["volume"], why)
+            self.refuse(("body",), body, ["volume"], why)
         else:
             why = "belongs to a lattice (region and spacing), not to nodes from a file"
-            self._refuse(("body",), body, ("offset", "jitter", "seed", "cut"), why)
+            self.refuse(("body",), body, ("offset", "jitter", "seed", "cut"), why)
             path = self.path("body", "file")
             if not os.path.isfile(path):
                 raise self.bad(("body", "file"), f"there is no file {path}")
         if body.get("dimension", 3) == 3:
             why = "belongs to a body of dimension 2 (plane, thickness) or 1 (thickness: its cross-section)"
-            self._refuse(("body",), body, ("plane", "thickness"), why)
+            self.refuse(("body",), body, ("plane", "thickness"), why)
         elif body["dimension"] == 1:
-            self._refuse(("body",), body, ["plane"], "belongs to a body of dimension 2")
+            self.refuse(("body",), body, ["plane"], "belongs to a body of dimension 2")
         if "periodic" in body and any(body["periodic"]) and "cell" not in body:
             raise self.bad(("body", "periodic"), "a periodic body needs cell, three lengths or edge vectors")
         if "cell" in body and "periodic" not in body:
@@ -194,9 +206,8 @@ class Case(Document):
         if any(H[i][j] for i in range(3) for j in range(3) if max(i, j) >= d):
             raise self.bad(("body", "strain"), f"a body of dimension {d} has no strain along {'xyz'[d:]}")
         F = [[H[i][j] + (i == j) for j in range(3)] for i in range(3)]
-        J = sum(
-            F[0][i] * (F[1][(i + 1) % 3] * F[2][(i + 2) % 3] - F[1][(i + 2) % 3] * F[2][(i + 1) % 3]) for i in range(3)
-        )
+        turns = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+        J = sum(F[0][i] * (F[1][j] * F[2][k] - F[1][k] * F[2][j]) for i, j, k in turns)
         if not J > 0:
             raise self.bad(("body", "strain"), f"would turn the body inside out: det(1 + strain) = {J:g}")
 
@@ -204,34 +215,17 @@ class Case(Document):
         def one_of(path, table, *keys, least=1):
             given = [k for k in keys if k in table]
             if len(given) != 1 and (given or least):
-                raise AtcError(
-                    f"{self.where(*path)}: [{path[0]}] needs "
-                    f"{'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}"
-                )
+                raise self.wrong(path, f"needs {'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}")
 
-        needed = {"indenter": ("radius", "stiffness", "center"), "wall": ("point", "normal", "stiffness")}
-        for section in ARRAYS:
-            for k, t in enumerate(self.data.get(section, [])):
-                path = (section, str(k))
-                if section == "notch":
-                    if set(t) - {"as_damage"} not in ({"start", "end"}, {"origin", "a", "b"}):
-                        raise AtcError(
-                            f"{self.where(*path)}: [notch] needs start and end (a line in the plate), or origin, a "
-                            "and b (a parallelogram)"
-                        )
-                elif section in ("prescribed", "initial"):
-                    one_of(path, t, "velocity", "displacement")
-                elif section in ("body_force", "heat_source"):
-                    one_of(path, t, "density", "total")
-                elif section == "temperature":
-                    one_of(path, t, "value")
-                elif section in needed:
-                    for key in needed[section]:
-                        one_of(path, t, key)
-                    where = "center" if section == "indenter" else "point"
-                    if isinstance(t[where], dict) or any(isinstance(c, (str, dict)) for c in t[where]):
-                        why = f"{where} is a function of time already: give one of the two"
-                        self._refuse(path, t, ["velocity"], why)
+        for path, t in self.tables(*ARRAYS):
+            for keys in _ONE_OF.get(path[0], ()):
+                one_of(path, t, *keys)
+            if path[0] == "notch" and set(t) - {"as_damage"} not in ({"start", "end"}, {"origin", "a", "b"}):
+                why = "needs start and end (a line in the plate), or origin, a and b (a parallelogram)"
+                raise self.wrong(path, why)
+            where = {"indenter": "center", "wall": "point"}.get(path[0])
+            if where and (isinstance(t[where], dict) or any(isinstance(c, (str, dict)) for c in t[where])):
+                self.refuse(path, t, ["velocity"], f"{where} is a function of time already: give one of the two")
         numbers = [m.get("id", k + 1) for k, m in enumerate(self.data["material"])]
         if len(set(numbers)) < len(numbers):
             raise self.need("material", f"two materials have the same number: {numbers}")
@@ -243,45 +237,35 @@ class Case(Document):
         if "steps" not in run:
             raise self.need("run", "it needs steps, e.g. steps = 2000")
         if "dt" in run:
-            self._refuse(("run",), run, ["safety"], "dt is given: give one of the two")
+            self.refuse(("run",), run, ["safety"], "dt is given: give one of the two")
         if run.get("solver", "verlet") != "verlet":
             why = f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step"
-            self._refuse(("run",), run, ("safety", "damping"), why)
+            self.refuse(("run",), run, ("safety", "damping"), why)
             why = f"what is at rest under friction depends on how it came there: solver = {run['solver']!r} has none"
-            for path, t in self._contacts():
+            for path, t in [(("contact",), self.data.get("contact", {})), *self.tables("indenter", "wall")]:
                 if t.get("friction"):
                     raise self.bad((*path, "friction"), why)
             if breaking:
-                raise AtcError(
-                    f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: leave [damage], s00 and Gc '
-                    'out, or take solver = "verlet" with damping'
-                )
+                why = 'leave [damage], s00 and Gc out, or take solver = "verlet" with damping'
+                raise AtcError(f'{self.where(*breaking)}: solver = "{run["solver"]}" breaks no bonds: {why}')
         else:
-            self._refuse(("run",), run, ("tolerance", "iterations"), 'belongs to solver = "relax" or "static"')
+            self.refuse(("run",), run, ("tolerance", "iterations"), 'belongs to solver = "relax" or "static"')
         output = self.data.get("output", {})
         from .run import QUANTITIES
 
         for q in output.get("quantities", []):
             if q not in QUANTITIES:
-                raise self.bad(
-                    ("output", "quantities"), f"unknown {q!r}: {guess(q, QUANTITIES)}known: {', '.join(QUANTITIES)}"
-                )
+                why = f"unknown {q!r}: {guess(q, QUANTITIES)}known: {', '.join(QUANTITIES)}"
+                raise self.bad(("output", "quantities"), why)
         if Path(output.get("extxyz", "frames.xyz")).suffix not in (".extxyz", ".xyz"):
-            raise self.bad(
-                ("output", "extxyz"), f"expected a name that ends in .extxyz or .xyz, got {output['extxyz']!r}"
-            )
+            why = f"expected a name that ends in .extxyz or .xyz, got {output['extxyz']!r}"
+            raise self.bad(("output", "extxyz"), why)
         from .fields import scene_of
 
         scene_of(self)
         restart = self.path("run", "restart")
         if restart is not None and not os.path.isfile(restart):
             raise self.bad(("run", "restart"), f"there is no file {restart}")
-
-    def _contacts(self):
-        """(path, table) of everything that may rub."""
-        yield ("contact",), self.data.get("contact", {})
-        for section in ("indenter", "wall"):
-            yield from (((section, str(k)), t) for k, t in enumerate(self.data.get(section, [])))
 
     def _regions_used(self):
         for name, region in self.data.get("regions", {}).items():
@@ -290,31 +274,26 @@ class Case(Document):
             yield ("body", "region"), self.data["body"]["region"]
         for region in self.get("damage", "no_fail", []):
             yield ("damage", "no_fail"), region
-        for section in ARRAYS:
-            for k, t in enumerate(self.data.get(section, [])):
-                if "region" in t:
-                    yield (section, str(k), "region"), t["region"]
+        for path, t in self.tables(*ARRAYS):
+            if "region" in t:
+                yield (*path, "region"), t["region"]
 
     def _check_region(self, region, path, inside=()):
         known = self.data.get("regions", {})
         if isinstance(region, str):
             if region not in known:
-                raise self.bad(
-                    path,
-                    f"there is no region {region!r}: {guess(region, known)}known: "
-                    f"{', '.join(known) or 'none; write [regions.NAME]'}",
-                )
+                names = ", ".join(known) or "none; write [regions.NAME]"
+                raise self.bad(path, f"there is no region {region!r}: {guess(region, known)}known: {names}")
             if region in inside:
                 raise self.bad(("regions", region), "is made of itself")
             self._check_region(known[region], ("regions", region), (*inside, region))
-        for word in ("any", "all", "not"):
-            if isinstance(region, dict) and word in region:
-                for r in region[word] if word != "not" else [region[word]]:
-                    self._check_region(r, path, inside)
-        if isinstance(region, dict) and region.get("shape") == "set" and "file" not in self.data["body"]:
+            return
+        for r in [*region.get("any", ()), *region.get("all", ()), *([region["not"]] if "not" in region else ())]:
+            self._check_region(r, path, inside)
+        shape = region.get("shape")
+        if shape == "set" and "file" not in self.data["body"]:
             raise self.bad(path, f"the set {region['name']!r} is one of a mesh: give [body] file, or another shape")
-        box = isinstance(region, dict) and region.get("shape") == "box"
-        if box and any(a > b for a, b in zip(region["lo"], region["hi"])):
+        if shape == "box" and any(a > b for a, b in zip(region["lo"], region["hi"])):
             raise self.bad(path, f"a box needs lo <= hi, got {shown(region['lo'])} and {shown(region['hi'])}")
 
     # ---- what it means
@@ -352,10 +331,8 @@ class Case(Document):
         for key in ("extxyz", "restart"):
             path = self.path("output", key)
             if path is not None and not (path.parent.is_dir() and os.access(path.parent, os.W_OK | os.X_OK)):
-                raise self.bad(
-                    ("output", key),
-                    f"there is no directory {path.parent} to write in: make it, or choose another place",
-                )
+                why = f"there is no directory {path.parent} to write in: make it, or choose another place"
+                raise self.bad(("output", key), why)
 
     def to_toml(self) -> str:
         """The case with its overrides as TOML; file names without their folders."""

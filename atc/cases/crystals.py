@@ -13,23 +13,15 @@ import warnings
 import numpy as np
 
 from ..config.schema import SCHEMA as SCENE
-from ..config.schema import Key, _either, _list_of, _not_negative, _number, _positive, _string, described
+from ..config.schema import Key, _either, _list_of, _not_negative, _positive, _string
 from ..errors import AtcError, AtcWarning
 from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants
+from .schema import number_or_formula
 
 _LETTERS = ("x", "y", "z", "r", "delta")
 
 
-def _component(v):
-    from ..config.formula import Formula
-
-    if isinstance(v, str):
-        Formula(v, _LETTERS)
-        return v
-    return _number(v)
-
-
-described(_component, {"type": ["number", "string"]})
+_component = number_or_formula(_LETTERS)
 _CRYSTAL = {
     "potential": SCENE["potential"]["lammps"],
     "units": SCENE["potential"]["units"],
@@ -53,37 +45,29 @@ _NEEDED = ("potential", "structure", "lattice_constant", "mass")
 
 def check(case) -> None:
     """Raise for what these materials lack, or what does not go with them."""
-    tables = case.data["material"]
-    for k, m in enumerate(tables):
-        if m["model"] not in KEYS:
-            continue
-        path = ("material", str(k))
+    body = case.data["body"]
+    for path, m in case.tables("material"):
         model = m["model"]
+        if model not in KEYS:
+            continue
         if "micromodulus" in m:
-            for key in _CRYSTAL:
-                if key in m:
-                    raise case.bad((*path, key), "micromodulus is given: its formulas define the springs")
-        else:
-            for key in _NEEDED:
-                if key not in m:
-                    raise AtcError(
-                        f"{case.where(*path)}: [material] {model} needs {key}"
-                        + (" (or micromodulus, formulas)" if model == "linear" else "")
-                    )
-        if case.data["body"].get("dimension", 3) != 3:
+            case.refuse(path, m, _CRYSTAL, "micromodulus is given: its formulas define the springs")
+        elif missing := [key for key in _NEEDED if key not in m]:
+            other = " (or micromodulus, formulas)" if model == "linear" else ""
+            raise case.wrong(path, f"{model} needs {missing[0]}{other}")
+        if body.get("dimension", 3) != 3:
             raise case.bad(("body", "dimension"), f"{model} is for bodies in three dimensions: leave it out")
-        if model == "linear":
-            if len(tables) > 1:
-                raise case.bad((*path, "model"), "a body of linear springs has one material")
-            if "file" in case.data["body"] or case.data["body"].get("jitter"):
-                key = "file" if "file" in case.data["body"] else "jitter"
-                raise case.bad(("body", key), "linear springs are for the nodes of a lattice: give region and spacing")
-            for section in ("contact", "damage"):
-                if section in case.data:
-                    raise AtcError(f"{case.where(section)}: [{section}]: linear springs know none: leave it out")
-        for key in ("s00", "Gc"):
-            if model == "linear" and key in m:
-                raise case.bad((*path, key), "linear springs do not break: leave it out")
+        if model != "linear":
+            continue
+        if len(case.data["material"]) > 1:
+            raise case.bad((*path, "model"), "a body of linear springs has one material")
+        lattice = {k: v for k, v in body.items() if v}  # no jitter is none
+        why = "linear springs are for the nodes of a lattice: give region and spacing"
+        case.refuse(("body",), lattice, ("file", "jitter"), why)
+        for section in ("contact", "damage"):
+            if section in case.data:
+                raise AtcError(f"{case.where(section)}: [{section}]: linear springs know none: leave it out")
+        case.refuse(path, m, ("s00", "Gc"), "linear springs do not break: leave it out")
 
 
 def has_density(m) -> bool:
@@ -129,8 +113,7 @@ def _crystal(case, k):
         if units is None and not re.search(r"^\s*units\s", text, re.MULTILINE):
             raise AtcError(f'{where}: [material] potential has no units: give units, e.g. units = "metal"')
         pot = potential(text + "\n", units=units, folder=case.folder, name=where)
-        mass = m["mass"]
-        crystal = Crystal.cubic(m["structure"], m["lattice_constant"], mass, pot.units)
+        crystal = Crystal.cubic(m["structure"], m["lattice_constant"], m["mass"], pot.units)
         case.crystals[k] = relax(crystal, pot), pot
     return case.crystals[k]
 

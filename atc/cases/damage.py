@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..config.words import guess
-from ..errors import AtcError
 
 
 def _number(case, k) -> int:
@@ -26,10 +25,8 @@ def between(case, k) -> tuple[int, int]:
             out.append(m)
         else:
             known = [repr(n) for n in names] + [str(n) for n in sorted(numbers)]
-            raise case.bad(
-                ("interface", str(k), "between"),
-                f"there is no material {m!r}: {guess(str(m), names)}known: {', '.join(known)}",
-            )
+            why = f"there is no material {m!r}: {guess(str(m), names)}known: {', '.join(known)}"
+            raise case.bad(("interface", str(k), "between"), why)
     if out[0] == out[1]:
         raise case.bad(("interface", str(k), "between"), f"these are names of one material, number {out[0]}")
     return min(out), max(out)
@@ -38,21 +35,18 @@ def between(case, k) -> tuple[int, int]:
 def check(case, one_of):
     """Raise for what contradicts itself; returns the path of the first place that says when bonds break, or None."""
     breaking = None
-    for section in ("material", "interface"):
-        for k, t in enumerate(case.data.get(section, [])):
-            path = (section, str(k))
-            one_of(path, t, "s00", "Gc", least=0)
-            strength = [key for key in ("s00", "Gc") if key in t]
-            if strength and t.get("breaks") is False:
-                raise case.bad((*path, strength[0]), "breaks = false: bonds that never break have no strength")
-            if strength:
-                breaking = breaking or (*path, strength[0])
+    for path, t in case.tables("material", "interface"):
+        one_of(path, t, "s00", "Gc", least=0)
+        strength = [key for key in ("s00", "Gc") if key in t]
+        if strength and t.get("breaks") is False:
+            raise case.bad((*path, strength[0]), "breaks = false: bonds that never break have no strength")
+        if strength:
+            breaking = breaking or (*path, strength[0])
     names = [m["name"] for m in case.data["material"] if "name" in m]
     if len(set(names)) < len(names):
         raise case.need("material", f"two materials have the same name: {', '.join(names)}")
     pairs = {}
-    for k, t in enumerate(case.data.get("interface", [])):
-        path = ("interface", str(k))
+    for k, (path, t) in enumerate(case.tables("interface")):
         one_of(path, t, "between")
         pair = between(case, k)
         if pair in pairs:
@@ -62,28 +56,16 @@ def check(case, one_of):
         if t.get("bonded", True) is False and useless:
             raise case.bad((*path, useless[0]), "bonded = false: there are no bonds that it could say anything about")
         if t.get("bonded", True) and not useless:
-            raise AtcError(
-                f"{case.where(*path)}: [interface] says nothing: give bonded = false, stiffness, s00, Gc or breaks = "
-                "false"
-            )
+            raise case.wrong(path, "says nothing: give bonded = false, stiffness, s00, Gc or breaks = false")
     damage = case.data.get("damage")
     if damage is not None:
         one_of(("damage",), damage, "s00", "Gc", least=0 if breaking else 1)
         if damage.get("criterion") == "energy":
-            for section in ("damage", "material", "interface"):
-                for k, t in enumerate([damage] if section == "damage" else case.data.get(section, [])):
-                    for key in ("s00", "alpha"):
-                        if key in t:
-                            path = (section, key) if section == "damage" else (section, str(k), key)
-                            raise case.bad(path, '[damage] criterion = "energy" takes Gc alone')
+            for path, t in [(("damage",), damage), *case.tables("material", "interface")]:
+                case.refuse(path, t, ("s00", "alpha"), '[damage] criterion = "energy" takes Gc alone')
         breaking = ("damage",)
-    for section in ("material", "interface"):
-        for k, t in enumerate(case.data.get(section, [])):
-            for key in ("alpha", "breaks"):
-                if key in t and not breaking:
-                    raise case.bad(
-                        (section, str(k), key), "nothing in this case breaks: give s00 or Gc, here or in [damage]"
-                    )
+    for path, t in case.tables("material", "interface") if not breaking else ():
+        case.refuse(path, t, ("alpha", "breaks"), "nothing in this case breaks: give s00 or Gc, here or in [damage]")
     return breaking
 
 
@@ -102,11 +84,9 @@ def stiffness(case, materials) -> dict:
                 raise case.bad(("interface", str(k), "between"), f"no node of the body is made of material {m}")
         if "stiffness" in t:
             if any(materials[m].name in ("correspondence", "bond-associated") for m in pair):
-                raise case.bad(
-                    ("interface", str(k), "stiffness"),
-                    "bonds of correspondence materials have no stiffness of their own: take pmb or lps, or bonded = "
-                    "false, s00 or Gc",
-                )
+                why = "bonds of correspondence materials have no stiffness of their own: "
+                why += "take pmb or lps, or bonded = false, s00 or Gc"
+                raise case.bad(("interface", str(k), "stiffness"), why)
             out[pair] = float(t["stiffness"])
     return out
 
@@ -163,13 +143,9 @@ def require_one_model(case, materials: dict) -> None:
         m = materials[_number(case, k)]
         first = m if first is None else first
         if m.model is not first.model:
-            raise AtcError(
-                f"{case.where('material', str(k))}: [material] {m.name} beside {first.name}: the materials of one "
-                "body must be of one model (elastic and lps are)"
-            )
+            why = "the materials of one body must be of one model (elastic and lps are)"
+            raise case.wrong(("material", str(k)), f"{m.name} beside {first.name}: {why}")
         for key in ("influence", "volume_correction", "surface_correction"):
             if getattr(m, key) != getattr(first, key):
-                raise AtcError(
-                    f"{case.where('material', str(k))}: [material] {key} is not that of the first material: bonds "
-                    "between them need one and the same"
-                )
+                why = f"{key} is not that of the first material: bonds between them need one and the same"
+                raise case.wrong(("material", str(k)), why)

@@ -24,17 +24,6 @@ from ..config.schema import (
     json_of,
 )
 
-SHAPES = {
-    "box": ("lo", "hi"),
-    "cylinder": ("axis", "center", "radius", "lo", "hi"),
-    "sphere": ("center", "radius"),
-    "set": ("name",),
-}
-
-
-def _needed(shape) -> list[str]:
-    return [k for k in SHAPES[shape] if shape != "cylinder" or k not in ("lo", "hi")]
-
 
 def _bound(v):
     """A number, also inf and -inf: an open side."""
@@ -52,6 +41,26 @@ def _dimension(v):
 described(_bound, {"type": "number"})
 described(_dimension, {"enum": [1, 2, 3]})
 _V3 = _list_of(_number, 3)
+_CORNER = _list_of(_bound, 3)
+#: Of each shape its keys and what checks them.
+SHAPES: dict[str, dict[str, Any]] = {
+    "box": {"lo": _CORNER, "hi": _CORNER},
+    "cylinder": {
+        "axis": _choice(["x", "y", "z"]),
+        "center": _list_of(_number, 2),
+        "radius": _positive,
+        "lo": _bound,
+        "hi": _bound,
+    },
+    "sphere": {"center": _V3, "radius": _positive},
+    "set": {"name": _string},
+}
+#: Where a cylinder ends that does not say it.
+_ENDLESS = {"lo": float("-inf"), "hi": float("inf")}
+
+
+def _needed(shape) -> list[str]:
+    return [k for k in SHAPES[shape] if shape != "cylinder" or k not in _ENDLESS]
 
 
 def _table(row, what):
@@ -83,59 +92,47 @@ def _json_table(row) -> dict:
 def _history(variables, free=False):
     """Three components, each a number, a formula of `variables`, a table of numbers, or maybe "free"; or one table of
     rows of three."""
+    words = ("free",) if free else ()
+    if "t" not in variables:
+        return _or_table(_list_of(_or_table(number_or_formula(variables, words)), 3))
+    number = _either(_number, described(lambda v: _one_of(words, v), {"const": "free"})) if free else _number
+    component = _or_table(number_or_formula(variables, words), _table(_number, "value"), _json_table(json_of(number)))
+    return _or_table(_list_of(component, 3), _table(_list_of(number, 3), "row of three values"))
 
-    def number(v):
-        return v if free and v == "free" else _number(v)
 
-    def component(v):
-        if isinstance(v, dict) and "t" in variables:
-            return _table(_number, "value")(v)
-        if isinstance(v, str) and not (free and v == "free"):
-            from ..config.formula import Formula
+def _one_of(words, v):
+    if v not in words:
+        raise ValueError
+    return v
 
-            Formula(v, variables, ("free",) if free else ())
-            return v
-        return number(v)
+
+def _or_table(check, table=None, json=None):
+    """What `check` takes, or what `table` does, a table over time; `json` : what editors are told of it."""
 
     def checked(v):
-        if isinstance(v, dict) and "t" in variables:
-            return _table(_list_of(number, 3), "row of three values")(v)
-        return _list_of(component, 3)(v)
+        return table(v) if table is not None and isinstance(v, dict) else check(v)
 
-    single = {"anyOf": [{"type": "number"}, {"const": "free"}]} if free else {"type": "number"}
-    tables = "t" in variables
-    part = {"anyOf": [{"type": ["number", "string"]}, *([_json_table(single)] if tables else [])]}
-    three = lambda item: {"type": "array", "items": item, "minItems": 3, "maxItems": 3}  # noqa: E731
-    return described(checked, {"anyOf": [three(part), *([_json_table(three(single))] if tables else [])]})
+    return described(checked, lambda: {"anyOf": [json_of(check), *([json or json_of(table)] if table else [])]})
 
 
-def _rise(v):
-    """A number or a formula of x, y, z."""
-    if isinstance(v, str):
-        from ..config.formula import Formula
+def number_or_formula(variables, words=()):
+    """A number, a formula of `variables`, or one of some words."""
 
-        Formula(v, ("x", "y", "z"))
+    def checked(v):
+        if not isinstance(v, str):
+            return _number(v)
+        if v not in words:
+            from ..config.formula import Formula
+
+            Formula(v, variables, words)
         return v
-    return _number(v)
 
-
-described(_rise, {"type": ["number", "string"]})
+    return described(checked, {"type": ["number", "string"]})
 
 
 def _scalar(variables):
     """A number, a formula of `variables`, or a table of numbers over time."""
-
-    def checked(v):
-        if isinstance(v, dict):
-            return _table(_number, "value")(v)
-        if isinstance(v, str):
-            from ..config.formula import Formula
-
-            Formula(v, variables)
-            return v
-        return _number(v)
-
-    return described(checked, {"anyOf": [{"type": ["number", "string"]}, _json_table({"type": "number"})]})
+    return _or_table(number_or_formula(variables), _table(_number, "value"))
 
 
 def _region(v):
@@ -159,24 +156,10 @@ def _shape_or_combination(v):
     for key in v:
         if key != "shape" and key not in SHAPES[shape]:
             raise ValueError(f"a {shape} has no {key!r}; its keys: {', '.join(SHAPES[shape])}")
-    out: dict[str, Any] = {"shape": shape}
-    for key in SHAPES[shape]:
-        if shape == "cylinder" and key in ("lo", "hi"):
-            out[key] = _bound(v.get(key, float("-inf") if key == "lo" else float("inf")))
-            continue
-        if key not in v:
-            raise ValueError(f"a {shape} needs {', '.join(_needed(shape))}")
-        if key == "name":
-            out[key] = _string(v[key])
-        elif key == "radius":
-            out[key] = _positive(v[key])
-        elif key == "axis":
-            out[key] = _choice(["x", "y", "z"])(v[key])
-        elif key == "center":
-            out[key] = _list_of(_number, 2 if shape == "cylinder" else 3)(v[key])
-        else:
-            out[key] = _list_of(_bound, 3)(v[key])
-    return out
+    if any(key not in v for key in _needed(shape)):
+        raise ValueError(f"a {shape} needs {', '.join(_needed(shape))}")
+    given = {**_ENDLESS, **v} if shape == "cylinder" else v
+    return {"shape": shape, **{key: check(given[key]) for key, check in SHAPES[shape].items()}}
 
 
 def _two_materials(v):
@@ -262,7 +245,10 @@ TABLES: dict[str, dict[str, Key]] = {
         "cell": Key(_list_of(_either(_positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
         "origin": _POINT,
         "strain": Key(_list_of(_V3, 3), "the displacement gradient of a periodic cell, three rows of three numbers"),
-        "temperature": Key(_rise, "how far it has risen, a number or a formula of x, y, z, e.g. '100*x/0.01'"),
+        "temperature": Key(
+            number_or_formula(("x", "y", "z")),
+            "how far it has risen, a number or a formula of x, y, z, e.g. '100*x/0.01'",
+        ),
         "periodic": Key(_list_of(_boolean, 3), "three of true and false, e.g. [true, true, false]"),
     },
     "regions": {},
