@@ -117,7 +117,7 @@ def test_harmonic_with_180_takes_the_limit(make, alpha):
     assert not d.notes
     np.testing.assert_allclose(np.linalg.norm(d.forces_nc[0]), 4.0 * alpha / 1.1, rtol=1e-9, atol=4e-15)
     np.testing.assert_allclose(d.energy, 2.0 * alpha**2, rtol=1e-6, atol=1e-30)
-    outer = d.bonds.G_b[2] * 1.1 * 1.3
+    outer = d.bonds.G_b[1] * 1.1 * 1.3
     # G of the outer distance is −U_c/(d d) with U_c = 2K α/sin α.
     np.testing.assert_allclose(outer, -4.0 * (alpha / np.sin(alpha) if alpha else 1.0), rtol=1e-12)
 

@@ -33,30 +33,34 @@ class Angles:
     G_b = G_c = G_bc = 0.0
 
     def __init__(self, x_tkc):
-        r_b, r_c = x_tkc[:, 0] - x_tkc[:, 1], x_tkc[:, 2] - x_tkc[:, 1]
-        self.d2_b, self.d2_c, d2_bc = ((r * r).sum(axis=1) for r in (r_b, r_c, r_b - r_c))
-        self.d_b, self.d_c, self.d_bc = np.sqrt(self.d2_b), np.sqrt(self.d2_c), np.sqrt(d2_bc)
+        def dot(u, v):
+            return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+        b, c = (np.ascontiguousarray((x_tkc[:, k] - x_tkc[:, 1]).T) for k in (0, 2))
+        self.d2_b, self.d2_c, bc = dot(b, b), dot(c, c), b - c
+        self.d_b, self.d_c, self.d_bc = np.sqrt(self.d2_b), np.sqrt(self.d2_c), np.sqrt(dot(bc, bc))
         self.d = d = np.sqrt(self.d2_b * self.d2_c)
-        self.cos = np.clip((r_b * r_c).sum(axis=1) / d, -1.0, 1.0)
+        self.cos = np.clip(dot(b, c) / d, -1.0, 1.0)
         # From the cross product: accurate near 0 and 180°.
-        self.sin = np.sqrt((np.cross(r_b, r_c) ** 2).sum(axis=1)) / d
+        across = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+        self.sin = np.sqrt(dot(across, across)) / d
         self.theta = np.arctan2(self.sin, self.cos)
         self.clamped = np.zeros(len(d), bool)
 
     def over_sine(self, v):
         """v/sin θ with sin θ at least 0.001."""
-        small = self.sin < SMALL
-        self.clamped |= small & (v != 0.0)
-        return v / np.where(small, SMALL, self.sin)
+        self.clamped |= (self.sin < SMALL) & (v != 0.0)
+        return v / np.maximum(self.sin, SMALL)
 
     def deviation_over_sine(self, x, theta0):
         """x/sin θ, x = θ − θ0: its limit where θ0 = 0 or 180° is the very end that the angle is near."""
-        small, s = self.sin < SMALL, self.sin
-        own = small & (np.abs(np.sin(theta0)) < 1e-12) & ((np.cos(theta0) < 0) == (self.cos < 0))
-        self.clamped |= small & ~own
+        ratio, small = x / np.maximum(self.sin, SMALL), np.flatnonzero(self.sin < SMALL)
+        end, cos, s = theta0[small], self.cos[small], self.sin[small]
+        own = (np.abs(np.sin(end)) < 1e-12) & ((np.cos(end) < 0) == (cos < 0))
+        self.clamped[small[~own]] = True
         # x = ± asin(sin θ); the next term of the series is 3/40 sin⁴ θ.
-        limit = np.where(self.cos < 0, -1.0, 1.0) * (1.0 + s * s / 6.0)
-        return np.where(own, limit, x / np.where(small, SMALL, s))
+        ratio[small[own]] = (np.where(cos < 0, -1.0, 1.0) * (1.0 + s * s / 6.0))[own]
+        return ratio
 
     def polynomial(self, theta0, powers):
         """U = Σ K_n x^n from n = 2, x = θ − θ0, and dU/dcos θ."""

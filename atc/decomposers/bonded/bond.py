@@ -61,8 +61,8 @@ class BondStyle(BondedTerm):
 
 def lengths(x_tkc) -> np.ndarray:
     """(t,) distances of the first and the last atom."""
-    r = x_tkc[:, -1] - x_tkc[:, 0]
-    return np.sqrt(np.einsum("tc,tc->t", r, r))
+    x, y, z = (x_tkc[:, -1] - x_tkc[:, 0]).T
+    return np.sqrt(x * x + y * y + z * z)
 
 
 def over_length(slope, d):

@@ -12,7 +12,7 @@ from ..base import Accumulator, Term, Work
 from ..images import Images
 from ..many_body.neighbor_work import made, room, shares
 
-TERMS_PER_TASK = 2048
+TERMS_PER_TASK = 4096
 
 
 def weights_of(partition, k: int, names: dict, what: str) -> tuple[np.ndarray, str]:
@@ -117,9 +117,10 @@ class ClusterWork(Work):
             self.images.vectors_to(
                 self.frame.positions, np.ascontiguousarray(atoms[:, k]), np.ascontiguousarray(atoms[:, k - 1]), step
             )
-            x[:, k] = x[:, k - 1] + step
-            if k == self.term.origin:
-                x[:, : k + 1] -= x[:, k : k + 1].copy()
+            if k <= self.term.origin:
+                x[:, :k] -= step[:, None]
+            else:
+                x[:, k] = x[:, k - 1] + step
         return x
 
 
