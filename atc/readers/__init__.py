@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 from ..errors import AtcError
@@ -162,6 +163,18 @@ def _is_atoms(x) -> bool:
     )
 
 
+#: Formats of LAMMPS's that a file's first bytes tell, in this order: the module, its function that knows them (by the
+#: bytes and the path), its class.
+_TOLD = (
+    ("dump", "looks_like_dump", "LammpsDump"),
+    ("yaml", "looks_like_yaml_dump", "LammpsYamlDump"),
+    ("binary", "looks_binary", "LammpsBinaryDump"),
+    ("dcd", "written_by_lammps", "LammpsDcd"),
+    ("data", "looks_like_data", "LammpsDataTrajectory"),
+    ("cfg", "looks_like_lammps_cfg", "LammpsCfg"),
+    ("netcdf", "netcdf_by_lammps", "LammpsNetcdf"),
+)
+
 #: Readers of one's own, by the suffix of their files.
 OPENERS: dict[str, Callable] = {}
 
@@ -175,23 +188,18 @@ def register(suffix: str, opener: Callable) -> None:
 
 
 def _path(path: Path, topology, units, masses, atom_style=None, boxed=False):
-    if path.suffix.lower() in OPENERS:
-        from ._bytes import require_file
-
-        require_file(path)
-        return OPENERS[path.suffix.lower()](path, topology, units, masses)
-    from ._bytes import open_bytes, require_file
+    from ._bytes import head_of, require_file
     from .sniff import by_its_name, is_text, not_a_trajectory, shown
 
+    if path.suffix.lower() in OPENERS:
+        require_file(path)
+        return OPENERS[path.suffix.lower()](path, topology, units, masses)
     if path.suffix == ".zarr" and path.is_dir():
         raise AtcError(
             f"{path} is an output of atc or another Zarr store, not a trajectory: atc info, atc plot and atc compare "
             "read outputs"
         )
-    require_file(path)
-    reader = open_bytes(path)
-    head = reader.read(0, 1 << 14).tobytes()
-    reader.close()
+    head = head_of(path)
     if not head.strip():
         raise AtcError(
             f"{path} is empty"
@@ -201,37 +209,12 @@ def _path(path: Path, topology, units, masses, atom_style=None, boxed=False):
     what = not_a_trajectory(head) or (_hdf5(path) if head.startswith(b"\x89HDF\r\n") else None)
     if what is not None:
         raise AtcError(f"{path} is {what}")
-    if head.lstrip().startswith(b"ITEM:"):
-        from .lammps.dump import LammpsDump
-
-        return LammpsDump(path, topology, units, masses)
-    from .lammps.yaml import LammpsYamlDump, looks_like_yaml_dump
-
-    if looks_like_yaml_dump(head):
-        return LammpsYamlDump(path, topology, units, masses)
+    for name, knows, reader in _TOLD:
+        module = import_module(f".lammps.{name}", __package__)
+        if getattr(module, knows)(head, path):
+            more = [atom_style] if name == "data" else []
+            return getattr(module, reader)(path, topology, units, masses, *more)
     suffixes = [s.lower() for s in path.suffixes]
-    from .lammps.binary import looks_binary
-
-    if looks_binary(head, ".bin" in suffixes[-2:]):
-        from .lammps.binary import LammpsBinaryDump
-
-        return LammpsBinaryDump(path, topology, units, masses)
-    from .lammps.dcd import LammpsDcd, written_by_lammps
-
-    if written_by_lammps(head):
-        return LammpsDcd(path, topology, units, masses)
-    from .lammps.data import LammpsDataTrajectory, looks_like_data
-
-    if looks_like_data(head):
-        return LammpsDataTrajectory(path, topology, units, masses, atom_style)
-    from .lammps.cfg import LammpsCfg, looks_like_lammps_cfg
-
-    if looks_like_lammps_cfg(head):
-        return LammpsCfg(path, topology, units, masses)
-    from .lammps.netcdf import LammpsNetcdf, netcdf_by_lammps
-
-    if netcdf_by_lammps(path, head):
-        return LammpsNetcdf(path, topology, units, masses)
     last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz", ".zst")), "")
     if any(s in _LAMMPS_NAMES for s in suffixes) or ".bin" in suffixes[-2:]:
         raise AtcError(

@@ -210,6 +210,12 @@ def open_bytes(path) -> PlainBytes | StreamBytes:
     return PlainBytes(path)
 
 
+def head_of(path) -> bytes:
+    """The first kilobytes of a file, decompressed: what tells its format."""
+    with contextlib.closing(open_bytes(path)) as reader:
+        return reader.read(0, 1 << 14).tobytes()
+
+
 def _zstd(path):
     """The module for zstd: Python's own from 3.14 on, else the package that gives it to older ones."""
     for name in ("compression.zstd", "backports.zstd"):

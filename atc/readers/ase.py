@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import AtcError, located
 from ..frame import Cell, Frame
 from ..units import units as unit_system
-from .trajectory import Masses, Trajectory
+from .trajectory import Masses, Trajectory, check_units
 from .xyz import ExtendedXyz, need_ase
 
 
@@ -22,11 +22,7 @@ class _AseTrajectory(Trajectory):
         super().__init__()
         self.source = source
         self.units = unit_system("ase")
-        if units is not None and unit_system(units).name != "ase":
-            raise AtcError(
-                f"{source}: ASE's units are eV, Å, amu ('ase'), but the units argument says "
-                f"{unit_system(units).name!r}: leave it out"
-            )
+        check_units(units, self.units, f"{source}: ASE's units are eV, Å, amu ('ase'),")
         self._masses = None if masses is None else Masses(masses, self.units)
 
     def _atoms(self, k):

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import AtcError, located
 from ..frame import Cell, Frame, Topology
 from ..units import units as unit_system
-from .trajectory import Masses, Trajectory, warn
+from .trajectory import Masses, Trajectory, check_units, warn
 
 # Readers of formats whose files do not say their units: MDAnalysis takes them as they are.
 _UNITLESS = {"LAMMPSDUMP": "a LAMMPS dump", "DATA": "a LAMMPS data file", "LAMMPS": "a LAMMPS dcd"}
@@ -56,7 +56,7 @@ class MDAnalysisTrajectory(Trajectory):
         self._atoms = source.atoms
         if not len(self._atoms):
             raise AtcError(f"{self.source}: holds no atoms")
-        if not path and len(self._atoms) and not hasattr(self._atoms.universe, "trajectory"):
+        if not path and not hasattr(self._atoms.universe, "trajectory"):
             raise AtcError("the Universe has no trajectory: load coordinates first")
         u = self._atoms.universe
         reader = u.trajectory
@@ -89,11 +89,7 @@ class MDAnalysisTrajectory(Trajectory):
                 f"{self.source}: this format is in nm or Å, and a run in lj units has none: dump it as custom or dcd, "
                 "whose units are those of the run"
             )
-        if units is not None and unit_system(units).name != "mdanalysis":
-            raise AtcError(
-                f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'), but the units argument says "
-                f"{unit_system(units).name!r}: leave it out"
-            )
+        check_units(units, self.units, f"{self.source}: MDAnalysis's units are Å, ps, kJ/mol ('mdanalysis'),")
 
     # What does not change from frame to frame
     # --------------------------------------------------------------------------------------------
@@ -105,9 +101,8 @@ class MDAnalysisTrajectory(Trajectory):
         declared = any(
             a.attrname == "masses" and not getattr(a, "is_guessed", False) for a in self._atoms.universe._topology.attrs
         )
-        if (m > 0).all() or (
-            declared and (m >= 0).all() and (m > 0).any()
-        ):  # virtual sites have no mass, and their file says so
+        # Virtual sites have no mass, and their file says so.
+        if (m > 0).all() or (declared and (m >= 0).all() and (m > 0).any()):
             return m * self.units.mass
         if (m > 0).any():
             bad = int(np.flatnonzero(~(m > 0))[0])
@@ -131,7 +126,7 @@ class MDAnalysisTrajectory(Trajectory):
         place = {int(ix): k for k, ix in enumerate(self._atoms.ix)}
         out = {}
         for name, width in _TERMS:
-            group = getattr(self._atoms.universe, name, None) if hasattr(self._atoms.universe, name) else None
+            group = getattr(self._atoms.universe, name, None)
             if group is None or not len(group):
                 continue
             rows = [[place.get(int(a)) for a in row] for row in group.indices]
@@ -139,12 +134,11 @@ class MDAnalysisTrajectory(Trajectory):
             cut = sum(1 for row in rows if None in row and any(a is not None for a in row))
             if cut:
                 raise AtcError(f"{self.source}: {cut} {name} lead out of the chosen atoms; choose whole molecules")
-            kinds = list(group._bondtypes) if getattr(group, "_bondtypes", None) is not None else [None] * len(rows)
+            kinds = getattr(group, "_bondtypes", None)
+            kinds = [None] * len(rows) if kinds is None else kinds
             numbers = {}
-            types = []
-            for k in inside:
-                t = kinds[k]
-                types.append(int(t) if str(t).isdigit() else numbers.setdefault(str(t), len(numbers) + 1))
+            own = [str(kinds[k]) for k in inside]
+            types = [int(t) if t.isdigit() else numbers.setdefault(t, len(numbers) + 1) for t in own]
             out[name] = np.array([rows[k] for k in inside], np.int64).reshape(-1, width)
             out[f"{name[:-1]}_types"] = np.array(types, np.int64)
         held = self._universe_constraints(place)
@@ -184,19 +178,15 @@ class MDAnalysisTrajectory(Trajectory):
             yield self.current()
 
     def __getitem__(self, key):
-        if self.streamed:
-            raise AtcError(
-                f"{self.source}: is a stream, whose frames come once, one after the other: iterate over it, or give it "
-                "to atc.fields or atc.Live"
-            )
+        self._require_numbered("whose frames come once, one after the other")
         return super().__getitem__(key)
 
-    def __len__(self):
+    def _require_numbered(self, why: str) -> None:
         if self.streamed:
-            raise AtcError(
-                f"{self.source}: is a stream, which has no length: iterate over it, or give it to atc.fields or "
-                "atc.Live"
-            )
+            raise AtcError(f"{self.source}: is a stream, {why}: iterate over it, or give it to atc.fields or atc.Live")
+
+    def __len__(self):
+        self._require_numbered("which has no length")
         if self._length is None:
             with self._guard, warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -250,9 +240,7 @@ class MDAnalysisTrajectory(Trajectory):
             step = ts.data.get("step")
         cell = self._cell(box, x, where)
         masses = self._masses(self._types, self._type_names, where) if self._masses is not None else self._own_masses
-        charges = None
-        if hasattr(atoms, "charges"):
-            charges = np.asarray(atoms.charges, float) * u.charge
+        charges = np.asarray(atoms.charges, float) * u.charge if hasattr(atoms, "charges") else None
         return Frame(
             positions=x * u.length,
             cell=cell,
@@ -339,14 +327,10 @@ def _universe_of_data(path, units):
     from MDAnalysis import Universe
     from MDAnalysis.core import topologyattrs
 
-    from ._bytes import open_bytes, require_file
+    from ._bytes import head_of
     from .lammps.data import LammpsDataTrajectory, looks_like_data
 
-    require_file(path)
-    reader = open_bytes(path)
-    head = reader.read(0, 1 << 14).tobytes()
-    reader.close()
-    if not looks_like_data(head):
+    if not looks_like_data(head_of(path)):
         return None
     # Without units it is Å and amu that count, which those of "real" are.
     frame = LammpsDataTrajectory(path, None, units or "real", None, getattr(path, "atom_style", None))[0]
@@ -402,19 +386,15 @@ def _why(MDAnalysis, path, topology) -> str:
     here = count(lambda: get_reader_for(path).parse_n_atoms(path))
     if topology is None:
         unnumbered = str(path).lower().endswith((".mdcrd", ".trj", ".crdbox", ".trz"))
-        return (
-            ": its format does not say how many atoms there are: give topology="
-            if unnumbered
-            else ": it is damaged, cut off, or not what its name says"
-        )
-    other = (
-        len(topology.atoms)
-        if hasattr(topology, "atoms")
-        else count(lambda: len(MDAnalysis.Universe(os.fspath(topology)).atoms))
-    )
-    name = "the topology" if hasattr(topology, "atoms") else os.fspath(topology)
-    if not hasattr(topology, "atoms") and not os.path.exists(name):
-        return f": there is no topology {name}"
+        why = "its format does not say how many atoms there are: give topology="
+        return f": {why}" if unnumbered else ": it is damaged, cut off, or not what its name says"
+    if hasattr(topology, "atoms"):
+        name, other = "the topology", len(topology.atoms)
+    else:
+        name = os.fspath(topology)
+        if not os.path.exists(name):
+            return f": there is no topology {name}"
+        other = count(lambda: len(MDAnalysis.Universe(name).atoms))
     if here is not None and other is not None and here != other:
         return f": it holds {here} atoms, {name} {other}"
     if other is None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from ..errors import AtcError
 from ..frame import Frame
-from ..units import units as unit_system
-from .trajectory import Masses, Over, Trajectory
+from .trajectory import Masses, Over, Trajectory, check_units
 
 
 class FrameList(Trajectory):
@@ -30,10 +29,7 @@ class FrameList(Trajectory):
                     f"frame {k} of the list is of a {f.dimension}-D run, the first of a {self.units.dimension}-D one: "
                     "they must agree"
                 )
-        if units is not None and unit_system(units).name != self.units.name:
-            raise AtcError(
-                f"the frames are in {self.units.name!r} units but the units argument says {unit_system(units).name!r}"
-            )
+        check_units(units, self.units, f"the frames are in {self.units.name!r} units")
         self.dimension = 2 if self.units.dimension == 2 else None
         self._masses = None if masses is None else Masses(masses, self.units)
 
@@ -45,10 +41,11 @@ class FrameList(Trajectory):
         return len(self._frames)
 
     def _frame(self, k):
-        frame = self._frames[k]
-        if self._masses is not None:
-            frame = frame.replace(masses=self._masses(frame.types, frame.type_names, frame.source))
-        return frame
+        return _with_masses(self._frames[k], self._masses)
+
+
+def _with_masses(frame: Frame, masses: Masses | None) -> Frame:
+    return frame if masses is None else frame.replace(masses=masses(frame.types, frame.type_names, frame.source))
 
 
 class Completed(Over):
@@ -118,20 +115,11 @@ class Adapted(Over):
 
     def __init__(self, base: Trajectory, units=None, masses=None):
         super().__init__(base)
-        if units is not None and unit_system(units).name != base.units.name:
-            raise AtcError(
-                f"{base.source} was opened in {base.units.name!r} units but the units argument says "
-                f"{unit_system(units).name!r}"
-            )
+        check_units(units, base.units, f"{base.source} was opened in {base.units.name!r} units")
         self._masses = None if masses is None else Masses(masses, self.units)
 
     def _frame(self, k):
-        frame = self.base[k]
-        return (
-            frame
-            if self._masses is None
-            else frame.replace(masses=self._masses(frame.types, frame.type_names, frame.source))
-        )
+        return _with_masses(self.base[k], self._masses)
 
 
 def comes_once(traj) -> bool:

@@ -25,7 +25,9 @@ _WORDS_OF_ENGLISH = frozenset(
 )
 _DUMP_INSTEAD = "dump the atoms of the run (dump custom: id type x y z vx vy vz)"
 _PICTURE = f"a picture, as dump image writes it: {_DUMP_INSTEAD}"
+_PICKLE = "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ"
 _ARCHIVE = "an archive: unpack it and give the trajectory in it"
+_PICTURES = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"P6\n", b"P6 ", b"P3\n", b"II*\0", b"MM\0*")
 
 _MAGICS = (
     (
@@ -33,14 +35,10 @@ _MAGICS = (
         "a LAMMPS restart file, which only LAMMPS reads: make a data file of it (lmp -restart2data FILE run.data), or "
         "dump the run",
     ),
-    (b"\x89PNG\r\n", _PICTURE),
-    (b"\xff\xd8\xff", _PICTURE),
-    (b"GIF8", _PICTURE),
-    (b"P6\n", _PICTURE),
-    (b"P6 ", _PICTURE),
-    (b"P3\n", _PICTURE),
-    (b"II*\0", _PICTURE),
-    (b"MM\0*", _PICTURE),
+    *(
+        (magic, _PICTURE)
+        for magic in (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"P6\n", b"P6 ", b"P3\n", b"II*\0", b"MM\0*")
+    ),
     (b"%PDF-", "a PDF document: give the trajectory"),
     (b"%!PS", "a PostScript picture: give the trajectory"),
     (b"7z\xbc\xaf'\x1c", _ARCHIVE),
@@ -52,22 +50,7 @@ _MAGICS = (
     ),
     (b"\x7fELF", "a program: give the trajectory"),
     (b"MZ\x90", "a program: give the trajectory"),
-    (
-        b"\x80\x02",
-        "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ",
-    ),
-    (
-        b"\x80\x03",
-        "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ",
-    ),
-    (
-        b"\x80\x04",
-        "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ",
-    ),
-    (
-        b"\x80\x05",
-        "a pickle of Python, which is not opened because that could run anything: write the frames as extended XYZ",
-    ),
+    *((bytes([0x80, version]), _PICKLE) for version in (2, 3, 4, 5)),
 )
 
 _TEXTS = (

@@ -15,7 +15,7 @@ from ._parse import FLOAT, INT, TEXT
 LONGEST_WORD = 256
 
 
-def parse_columns(buf, names, kinds, n: int, where: Callable[[int], str], finite=frozenset()) -> dict:
+def parse_columns(buf, names, kinds, n: int, where: Callable[[int], str], finite=frozenset(), of: str = "") -> dict:
     """The `n` lines of a table at the start of `buf` as {name: (n,) array}.
 
     Parameters
@@ -24,6 +24,7 @@ def parse_columns(buf, names, kinds, n: int, where: Callable[[int], str], finite
     names, kinds : the columns, each FLOAT, INT or TEXT
     where : row -> what to call its line in messages, e.g. ``"run.dump, frame 3, line 17"``
     finite : names of columns in which NaN and infinity are errors
+    of : what messages say behind a column's name, such as " of section Atoms"
 
     Raises
     ------
@@ -32,15 +33,14 @@ def parse_columns(buf, names, kinds, n: int, where: Callable[[int], str], finite
     """
     kinds = list(kinds)
     # Each word takes two bytes: lines that are too short are found before room is made for what they announce.
-    n_rows = n if 2 * len(kinds) * n <= len(buf) else 0
+    if 2 * len(kinds) * n > len(buf):
+        row, line = _first_short(buf, len(kinds), n)
+        raise _miscounted(where(row), names, line, of)
     count = [0, 0, 0]
     slots = []
     for kind in kinds:
         slots.append(count[kind])
         count[kind] += 1
-    if n_rows < n:
-        row, line = _first_short(buf, len(kinds), n)
-        raise _miscounted(where(row), names, line)
     floats = np.empty((n, count[FLOAT]))
     ints = np.empty((n, count[INT]), np.int64)
     texts = np.empty((n, count[TEXT], 2), np.int64)
@@ -50,10 +50,11 @@ def parse_columns(buf, names, kinds, n: int, where: Callable[[int], str], finite
     while status == _parse.FULL:
         status, row, pos, n_hard = _parse.parse_table(buf, pos, kind_k, slot_k, row, n, floats, ints, texts, hard)
         for r, c, a, b in hard[:n_hard].tolist():
-            value = convert(buf[a : min(b, a + 400)].tobytes(), kinds[c], names[c], lambda r=r: where(r), finite)
+            word, name = buf[a : min(b, a + 400)].tobytes(), f"{names[c]!r}{of}"
+            value = convert(word, kinds[c], name, lambda r=r: where(r), names[c] in finite)
             (ints if kinds[c] == INT else floats)[r, slots[c]] = value
     if status != _parse.DONE:
-        raise _miscounted(where(row), names, buf[pos : pos + 4096].tobytes().split(b"\n", 1)[0])
+        raise _miscounted(where(row), names, buf[pos : pos + 4096].tobytes().split(b"\n", 1)[0], of)
     out = {}
     for name, kind, slot in zip(names, kinds, slots):
         out[name] = (
@@ -62,7 +63,7 @@ def parse_columns(buf, names, kinds, n: int, where: Callable[[int], str], finite
     return out
 
 
-def convert(token: bytes, kind: int, name: str, where: Callable[[], str], finite=frozenset()):
+def convert(token: bytes, kind: int, name: str, where: Callable[[], str], finite: bool = False):
     """One word as a float or int, for those that the kernel leaves to Python: over-long ones, and what is none."""
     text = token.decode("utf-8", "replace")
     try:
@@ -78,10 +79,10 @@ def convert(token: bytes, kind: int, name: str, where: Callable[[], str], finite
             return exact
     except (ValueError, OverflowError):
         raise AtcError(
-            f"{where()}: column {name!r} holds {text[:40]!r}, expected {'an integer' if kind == INT else 'a number'}"
+            f"{where()}: column {name} holds {text[:40]!r}, expected {'an integer' if kind == INT else 'a number'}"
         ) from None
-    if name in finite and not np.isfinite(value):
-        raise AtcError(f"{where()}: column {name!r} holds {text!r}; the run that wrote it has probably blown up")
+    if finite and not np.isfinite(value):
+        raise AtcError(f"{where()}: column {name} holds {text!r}; the run that wrote it has probably blown up")
     return value
 
 
@@ -122,9 +123,9 @@ def _first_short(buf, n_columns, n):
     return 0, b""
 
 
-def _miscounted(where, names, line: bytes) -> AtcError:
+def _miscounted(where, names, line: bytes, of: str) -> AtcError:
     text = line.decode("utf-8", "replace").strip()
     columns = " ".join(names)
     columns = columns if len(columns) <= 200 else columns[:200] + " …"
     got = f"'{text[:60]}{'…' if len(text) > 60 else ''}'"
-    return AtcError(f"{where}: expected {len(names)} columns ({columns}), got {len(text.split())}: {got}")
+    return AtcError(f"{where}: expected {len(names)} columns ({columns}){of}, got {len(text.split())}: {got}")

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import AtcError, AtcWarning
 from ..frame import Frame
 from ..units import Units
+from ..units import units as unit_system
 
 
 class Trajectory(Sequence):
@@ -283,38 +284,35 @@ class _View(Over):
     def __len__(self):
         return len(self._range())
 
+    def _number(self, k) -> int | None:
+        """Which frame of the base the k-th is, None if there is none. A slice that counts from the beginning is not
+        asked for the length: a compressed file need not be decompressed twice."""
+        w = self._which
+        if isinstance(w, slice) and (w.start or 0) >= 0 and (w.step or 1) > 0 and (w.stop is None or w.stop >= 0):
+            m = (w.start or 0) + k * (w.step or 1)
+            return m if (w.stop is None or m < w.stop) and self.base._has(m) else None
+        return self._range()[k] if k < len(self) else None
+
     def _frame(self, k):
-        return self.base._frame(self._range()[k])
+        return self.base._frame(self._number(k))
 
     def _has(self, k):
-        w = self._which
-        if isinstance(w, slice):
-            start, stop, step = w.start or 0, w.stop, w.step or 1
-            if start >= 0 and step > 0 and (stop is None or stop >= 0):
-                m = start + k * step
-                return (stop is None or m < stop) and self.base._has(m)
-        return k < len(self)
+        return self._number(k) is not None
 
     def __getitem__(self, key):
         if isinstance(key, slice):
             return _View(self.base, self._range()[key])
         return super().__getitem__(key)
 
-    def __iter__(self):
-        w = self._which
-        if isinstance(w, slice) and (w.start or 0) >= 0 and (w.step or 1) > 0 and (w.stop is None or w.stop >= 0):
-            # Without asking for the length: a compressed file need not be decompressed twice.
-            k = w.start or 0
-            while (w.stop is None or k < w.stop) and self.base._has(k):
-                yield self.base._frame(k)
-                k += w.step or 1
-        else:
-            for k in self._range():
-                yield self.base._frame(k)
-
 
 # Masses
 # ----------------------------------------------------------------------------------------------------------------------
+
+
+def check_units(given, own: Units, what: str) -> None:
+    """AtcError where a `units` argument says others than there are; `what` there are, for the message."""
+    if given is not None and unit_system(given).name != own.name:
+        raise AtcError(f"{what} but the units argument says {unit_system(given).name!r}: leave it out")
 
 
 class Masses:

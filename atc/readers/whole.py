@@ -23,12 +23,18 @@ LARGEST_TEXT = 1 << 28
 
 def whole_bytes(path, largest: int = LARGEST) -> np.ndarray:
     """(n,) uint8 of a file, decompressed if it is compressed, with a line end at the end."""
+    buf = bytes_as_they_are(path, largest)
+    return buf if len(buf) and buf[-1] == 10 else np.append(buf, np.uint8(10))
+
+
+def bytes_as_they_are(path, largest: int = LARGEST) -> np.ndarray:
+    """The same, whatever the file ends with."""
     with contextlib.closing(open_bytes(path)) as reader:
         size = Path(path).stat().st_size
         if not isinstance(reader, StreamBytes):
             if size > largest:
                 raise AtcError(f"{path}: {size} bytes are more than the {largest} that such a file may have")
-            return _ended(reader.read(0, size))
+            return reader.read(0, size)
         largest = min(largest, max(_SMALL, _SWELL * size))
         parts, at = [], 0
         while len(part := reader.read(at, at + _PIECE)):
@@ -38,11 +44,7 @@ def whole_bytes(path, largest: int = LARGEST) -> np.ndarray:
                 raise AtcError(
                     f"{path}: {size} compressed bytes hold more than the {largest} bytes that such a file may have"
                 )
-    return _ended(np.concatenate(parts) if parts else np.zeros(0, np.uint8))
-
-
-def _ended(buf) -> np.ndarray:
-    return buf if len(buf) and buf[-1] == 10 else np.append(buf, np.uint8(10))
+    return np.concatenate(parts) if parts else np.zeros(0, np.uint8)
 
 
 def whole_text(path, what: str, where: str = "") -> str:

@@ -3,7 +3,6 @@ of its run."""
 
 from __future__ import annotations
 
-import contextlib
 import re
 from pathlib import Path
 
@@ -14,11 +13,11 @@ from ..frame import Cell
 from ..units import LAMMPS_STYLES
 from . import _parse
 from ._bytes import open_bytes
-from .lammps.columns import INT_COLUMNS, KNOWN_FLOATS, LammpsTrajectory
+from .lammps.columns import INT_COLUMNS, KNOWN_FLOATS, ScannedTrajectory
 from .lammps.dump import whole
 from .sniff import shown
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
-from .trajectory import decimal_resolution, text_resolution_of_frames, warn
+from .trajectory import Trajectory, decimal_resolution, text_resolution_of_frames, warn
 from .xyz_comment import CELL_UNIT_TAKEN, TIME_ROUNDED, Comment, read_comment
 
 # What columns of extended XYZ are called, and the columns of a dump they are.
@@ -32,7 +31,6 @@ _SCALARS = {
     "type": "type",
 }  # fmt: skip
 _OWN_MASS = "the file's own mass"
-_NO_GUARD = contextlib.nullcontext()
 _DUMP = "dump it as custom (id type x y z vx vy vz) or extxyz instead"
 
 
@@ -48,7 +46,7 @@ def looks_like_xyz(head: bytes, suffix: str) -> bool:
     return len(words) >= 4 and all(is_number(w) for w in words[1:4]) and not is_number(words[0])
 
 
-class ExtendedXyz(LammpsTrajectory):
+class ExtendedXyz(ScannedTrajectory):
     """Frames of an XYZ file, found by counting lines.
 
     Parameters
@@ -74,6 +72,7 @@ class ExtendedXyz(LammpsTrajectory):
     _without_ids = None
 
     def __init__(self, path, topology=None, units=None, masses=None, boxed=False):
+        Trajectory.__init__(self)  # its comments are read before its units are known
         self._boxed = boxed  # the cell is known from elsewhere
         self._bytes = open_bytes(path)
         self.source, self.path = str(path), Path(path)
@@ -127,8 +126,6 @@ class ExtendedXyz(LammpsTrajectory):
     # ------------------------------------------------------------------------------------------------------------------
 
     def _scan(self):
-        if self._complete:
-            return False
         start, k = self._next, len(self._spans)
         self._bytes.hold = start
         head = self._bytes.read(start, start + 64).tobytes()
@@ -182,16 +179,8 @@ class ExtendedXyz(LammpsTrajectory):
         words = lines[-1].split()
         return len(words) >= 4 and (len(lines) < 4 or len(words) == len(lines[-2].split()))
 
-    def _has(self, k):
-        if k >= len(self._spans) and not self._complete:
-            with getattr(self, "_guard", _NO_GUARD):
-                while k >= len(self._spans) and self._scan():
-                    pass
-        return k < len(self._spans)
-
-    def __len__(self):
-        while self._has(len(self._spans)):
-            pass
+    @property
+    def _found(self):
         return len(self._spans)
 
     # Reading one
@@ -297,27 +286,15 @@ class ExtendedXyz(LammpsTrajectory):
         return out
 
     def _species_columns(self, names, where, comment):
-        if not self._by_lammps and not all(name.isdigit() for name in np.unique(names).tolist()):
-            return {"element": names}
         unique = np.unique(names).tolist()
-        if all(name.isdigit() for name in unique):
-            if self._by_lammps:  # the numbers of the types, where they have no names
-                return {"type": names.astype(np.int64)}
-            raise AtcError(
-                f"{where}: the first column holds numbers ({', '.join(unique[:3])}), and nothing says whether they are "
-                f"types of LAMMPS or atomic numbers: write the names of the elements (dump_modify element), or {_DUMP}"
-            )
-        return {"element": names}
-
-    def _ids_of_data(self, n, where):
-        """LAMMPS sorts XYZ files by id: with the same number of atoms, they are those of the data file."""
-        ids = np.sort(np.asarray(self._data.ids))
-        if len(ids) != n:
-            raise AtcError(
-                f"{where}: {n} atoms, but {self._data.source} holds {len(ids)}: XYZ files do not number their atoms, "
-                "so both must hold the same ones"
-            )
-        return ids
+        if not all(name.isdigit() for name in unique):
+            return {"element": names}
+        if self._by_lammps:  # the numbers of the types, where they have no names
+            return {"type": names.astype(np.int64)}
+        raise AtcError(
+            f"{where}: the first column holds numbers ({', '.join(unique[:3])}), and nothing says whether they are "
+            f"types of LAMMPS or atomic numbers: write the names of the elements (dump_modify element), or {_DUMP}"
+        )
 
     def _frame(self, k):
         if not self._has(k):
@@ -451,9 +428,6 @@ class ExtendedXyz(LammpsTrajectory):
         at = [j for j, name in enumerate(names) if name.split("[")[0] in ("pos", "positions")]
         words = [w.split() for w in lines[:: max(1, len(lines) // 1000)]]
         return [w[a].decode("utf-8", "replace") for w in words for a in at if a < len(w)]
-
-    def close(self):
-        self._bytes.close()
 
 
 def _symbols(numbers, where) -> np.ndarray:

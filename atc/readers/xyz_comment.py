@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..units import units as unit_system
+from .lammps.columns import edge_vectors
 from .lammps.dump import number, whole
 
 _PAIR = re.compile(
@@ -37,9 +38,8 @@ class Comment:
 
     kind: str
     keys: dict = field(default_factory=dict)  # lower-case key -> text, extended ones
-    columns: list = field(
-        default_factory=list
-    )  # (name, letter of its type, width); empty: species and three coordinates
+    #: (name, letter of its type, width); empty: species and three coordinates
+    columns: list = field(default_factory=list)
     vectors: np.ndarray | None = None  # (3, 3) rows, in the file's unit of length
     origin: np.ndarray | None = None
     periodic: tuple | None = None
@@ -56,9 +56,8 @@ def read_comment(line: str, where: str) -> Comment:
         raise AtcError(f"{where}: a comment of {len(line)} letters; the file is damaged")
     m = _PLAIN_LAMMPS.match(line)
     if m:
-        return Comment(
-            "lammps plain", step=_step(m.group(1), where), time=_time(m.group(2), where) if m.group(2) else None
-        )
+        time = _time(m.group(2), where) if m.group(2) else None
+        return Comment("lammps plain", step=_step(m.group(1), where), time=time)
     m = _IPI.search(line)
     if m:
         return _ipi(m, line, where)
@@ -110,23 +109,21 @@ def _extended(line: str, where: str) -> Comment:
         c.kind = "lammps"
     if "properties" in keys:
         parts = keys["properties"].split(":")
-        if len(parts) % 3 or not all(
-            n and t in ("S", "R", "I", "L") and w.isdigit() and 0 < int(w) < 1000 for n, t, w in zip(*[iter(parts)] * 3)
-        ):
+        triples = list(zip(*[iter(parts)] * 3))
+        if len(parts) % 3 or not all(n and t in [*"SRIL"] and w.isdigit() and 0 < int(w) < 1000 for n, t, w in triples):
             raise AtcError(
                 f"{where}: Properties={keys['properties'][:80]!r}: expected name:type:columns triples such as "
                 "species:S:1:pos:R:3"
             )
-        c.columns = [(n, t, int(w)) for n, t, w in zip(*[iter(parts)] * 3)]
+        c.columns = [(n, t, int(w)) for n, t, w in triples]
         names = [n for n, _, _ in c.columns]
         if len(set(names)) < len(names):
             raise AtcError(f"{where}: Properties names {next(n for n in names if names.count(n) > 1)!r} twice")
     if "lattice" in keys:
         v = _numbers(keys["lattice"], "Lattice", where, (9, 3))
         c.vectors = v.reshape(3, 3) if len(v) == 9 else np.diag(v)
-    origin = keys.get("origin")
-    if origin is not None:
-        c.origin = _numbers(origin, "Origin", where, (3,))
+    if "origin" in keys:
+        c.origin = _numbers(keys["origin"], "Origin", where, (3,))
     pbc = keys.get("pbc")
     if pbc is not None:
         flags = re.sub(r"[\[\],]", " ", pbc).split()
@@ -151,10 +148,11 @@ def _extended(line: str, where: str) -> Comment:
 
 
 def _ipi(m, line: str, where: str) -> Comment:
-    what, values = (
-        m.group(1),
-        np.array([float(w) for w in m.group(2).split()] if _all_numbers(m.group(2)) else [np.nan]),
-    )
+    what = m.group(1)
+    try:
+        values = np.array([float(w) for w in m.group(2).split()])
+    except ValueError:
+        values = np.array([np.nan])
     braces = dict(_BRACES.findall(line))
     for other in ("velocities", "forces", "momenta"):
         if other in braces:
@@ -180,16 +178,11 @@ def _ipi(m, line: str, where: str) -> Comment:
         periodic=(True, True, True),
     )
     if what == "abcABC":
-        a, b, l = values[:3]
-        ca, cb, cg = np.where(values[3:] == 90, 0.0, np.cos(np.radians(values[3:])))
         if not (values[:3] > 0).all() or not ((values[3:] > 0) & (values[3:] < 180)).all():
             raise AtcError(f"{where}: CELL(abcABC) {values.tolist()} is no cell")
-        sg = np.sqrt(1 - cg * cg)
-        y = (ca - cb * cg) / sg
-        z2 = 1 - cb * cb - y * y
-        if not z2 > 0:
+        c.vectors = edge_vectors(values[:3], np.where(values[3:] == 90, 0.0, np.cos(np.radians(values[3:]))))
+        if c.vectors is None:
             raise AtcError(f"{where}: angles {values[3:].tolist()} make no cell")
-        c.vectors = np.array([[a, 0, 0], [b * cg, b * sg, 0], [l * cb, l * y, l * np.sqrt(z2)]])
     else:
         h = values.reshape(3, 3)
         if h[1, 0] or h[2, 0] or h[2, 1]:
@@ -202,11 +195,3 @@ def _ipi(m, line: str, where: str) -> Comment:
     if step:
         c.step = _step(step.group(1), where)
     return c
-
-
-def _all_numbers(text):
-    try:
-        [float(w) for w in text.split()]
-    except ValueError:
-        return False
-    return True

@@ -186,16 +186,16 @@ GOOD = text(["1 1 0.5 1.0 2.0", "2 2 1.5 1.0 2.0"], " # atomic", after="Velociti
 @pytest.mark.parametrize(
     "old,new,message",
     [
-        ("2 2 1.5 1.0 2.0", "2 2 1.5 1.0", r"line 18: expected 5 columns \(id type x y z\) in section Atoms, got 4"),
+        ("2 2 1.5 1.0 2.0", "2 2 1.5 1.0", r"line 18: expected 5 columns \(id type x y z\) of section Atoms, got 4"),
         (
             "2 2 1.5 1.0 2.0",
             "2 2 1.5 nan 2.0",
-            r"line 18: expected a finite number for 'y' in section Atoms, got 'nan'",
+            r"line 18: column 'y' of section Atoms holds 'nan'",
         ),
-        ("2 2 1.5 1.0 2.0", "2 2 1.5 a 2.0", r"line 18: expected a finite number for 'y' in section Atoms, got 'a'"),
+        ("2 2 1.5 1.0 2.0", "2 2 1.5 a 2.0", r"line 18: column 'y' of section Atoms holds 'a', expected a number"),
         ("2 2 1.5 1.0 2.0", "1 2 1.5 1.0 2.0", r"atom 1 is there twice in section Atoms"),
         ("2 2 1.5 1.0 2.0", "2 0 1.5 1.0 2.0", r"atom 2 has type 0; types count from 1"),
-        ("2 2 1.5 1.0 2.0", "2 Si 1.5 1.0 2.0", r"line 18: expected an integer for 'type' in section Atoms, got 'Si'"),
+        ("2 2 1.5 1.0 2.0", "2 Si 1.5 1.0 2.0", r"line 18: column 'type' of section Atoms holds 'Si', expected an integer"),
         (
             "2 2 1.5 1.0 2.0\n",
             "",

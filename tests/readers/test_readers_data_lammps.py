@@ -269,7 +269,7 @@ REFUSED = {
     "id twice": (HEADER + ATOMS.replace("2 2 2", "1 2 2"), r"line 12: atom 1 is there twice in section Atoms"),
     "float for an image": (
         HEADER + "Atoms # atomic\n\n1 1 1 1 1 0 0 0.5\n2 2 2 2 2 0 0 0\n",
-        r"line 11: expected an integer for 'iz'",
+        r"line 11: column 'iz' of section Atoms holds '.*', expected an integer",
     ),
     "image flags in some lines": (
         HEADER + "Atoms # atomic\n\n1 1 1 1 1 0 0 0\n2 2 2 2 2\n",
@@ -277,15 +277,15 @@ REFUSED = {
     ),
     "numbers beyond 64 bits": (
         HEADER + ATOMS.replace("2 2 2", "99999999999999999999 2 2"),
-        r"line 12: expected an integer for 'id'",
+        r"line 12: column 'id' of section Atoms holds '.*', expected an integer",
     ),
     "signs": (
         HEADER + ATOMS.replace("Atoms", "Atoms # atomic").replace("2 2 2 2 2", "2 2 --1 2 2"),
-        r"line 12: expected a finite number for 'x' in section Atoms, got '--1'",
+        r"line 12: column 'x' of section Atoms holds '--1', expected a number",
     ),
     "numbers too large": (
         HEADER + ATOMS.replace("2 2 2 2 2", "2 2 1e200 2 2"),
-        r"line 12: 1e\+200 for 'x' in section Atoms is no number",
+        r"line 12: column 'x' of section Atoms holds 1e\+200: no number",
     ),
     "box too large": (
         HEADER.replace("0 9 xlo", "0 1e300 xlo") + ATOMS,
@@ -487,7 +487,7 @@ def test_template(tmp_path):
         ("3 1 1 0\n\nTypes", "2 1 1 0\n\nTypes", r"section Coords has not one line for each atom from 1 to 3"),
         ("3 2 1\n", "3 2\n", r"the special bonds of atom 3 are not those that the section Bonds makes"),
         ("Angles\n", "Angels\n", r"section 'Angels' is none of a LAMMPS molecule file"),
-        ("3 2\n\nBonds", "3 H\n\nBonds", r"expected an integer for 'type' in section Types, got 'H'"),
+        ("3 2\n\nBonds", "3 H\n\nBonds", r"column 'type' of section Types holds 'H', expected an integer"),
         ("m\n", '{"application": "LAMMPS"}\n', "JSON"),
     ],
 )

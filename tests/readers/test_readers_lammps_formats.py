@@ -220,7 +220,7 @@ def test_dcd_that_is_cut_damaged_or_of_other_atoms(written, tmp_path):
         "0 1 1 1\n"
     )
     (tmp_path / "other.data").write_text(other)
-    with pytest.raises(AtcError, match=rf"w.dcd holds {n} atoms and .*other.data 1"):
+    with pytest.raises(AtcError, match=rf"w.dcd: {n} atoms, but .*other.data holds 1"):
         atc.read(folder / "w.dcd", units=u.name, topology=tmp_path / "other.data")
     import MDAnalysis
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -24,12 +25,12 @@ from .columns import INT_COLUMNS, ScannedTrajectory, cell_from_bounds
 _MAGICS = (b"DUMPATOM", b"DUMPCUSTOM")
 
 
-def looks_binary(head: bytes, named_bin: bool) -> bool:
+def looks_binary(head: bytes, path) -> bool:
     """Whether a file begins like a binary dump: by its magic string, or, for the old format that has none, by a sane
     header in a file called .bin."""
     if head[8:16] == _MAGICS[0] or head[8:18] == _MAGICS[1]:
         return True
-    if not named_bin or len(head) < 100:
+    if ".bin" not in [s.lower() for s in Path(path).suffixes[-2:]] or len(head) < 100:
         return False
     for endian in "<>":
         step, n, triclinic, *boundary = struct.unpack_from(endian + "qqi6i", head)
@@ -157,8 +158,6 @@ class LammpsBinaryDump(ScannedTrajectory):
         )
 
     def _scan(self) -> bool:
-        if self._complete:
-            return False
         k, start = len(self._headers), self._next
         self._bytes.hold = start
         try:

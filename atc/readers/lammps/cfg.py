@@ -8,9 +8,9 @@ import numpy as np
 
 from ...errors import AtcError, located
 from ...frame import Cell
-from .._bytes import open_bytes
 from ..table import FLOAT, INT, TEXT, is_number, parse_columns
 from ..trajectory import text_resolution
+from ..whole import bytes_as_they_are
 from .columns import INT_COLUMNS, KNOWN_FLOATS, LammpsTrajectory
 from .dump import number, whole
 
@@ -25,7 +25,7 @@ _LAMMPS = re.compile(
 )
 
 
-def looks_like_lammps_cfg(head: bytes) -> bool:
+def looks_like_lammps_cfg(head: bytes, path=None) -> bool:
     """Whether a file is a configuration that LAMMPS wrote, not ASE, OVITO or AtomEye itself, whose files are in Å."""
     return _LAMMPS.match(head) is not None
 
@@ -48,15 +48,7 @@ class LammpsCfg(LammpsTrajectory):
 
     def __init__(self, path, topology=None, units=None, masses=None):
         self.source = str(path)
-        self._path = path
-        with_bytes = open_bytes(path)
-        parts, at = [], 0
-        while len(part := with_bytes.read(at, at + (1 << 24))):
-            parts.append(part.tobytes())
-            at += len(part)
-            with_bytes.hold = at
-        with_bytes.close()
-        self._read(b"".join(parts).replace(b"\r\n", b"\n"))
+        self._read(bytes_as_they_are(path).tobytes().replace(b"\r\n", b"\n"))
         super().__init__(path, topology, units, masses, None)
 
     def _fail(self, line, what) -> AtcError:

@@ -17,6 +17,7 @@ _POSITIONS = (
     (("xs", "ys", "zs"), True, True),
     (("xsu", "ysu", "zsu"), True, False),
 )
+_VELOCITY, _FORCE = ("vx", "vy", "vz"), ("fx", "fy", "fz")
 INT_COLUMNS = frozenset(("id", "type", "mol", "proc", "procp1", "ix", "iy", "iz"))
 TEXT_COLUMNS = frozenset(("element", "typelabel"))
 KNOWN_FLOATS = frozenset("x y z xu yu zu xs ys zs xsu ysu zsu vx vy vz fx fy fz q mass".split())
@@ -41,6 +42,20 @@ def cell_from_bounds(lo, hi, tilt, periodic, length: float) -> Cell:
     if not (hi > lo).all():
         raise AtcError(f"the box bounds {lo.tolist()} to {hi.tolist()} enclose no volume")
     return Cell.from_lammps(lo * length, hi * length, np.array(tilt, float) * length, periodic)
+
+
+def edge_vectors(lengths, cosines) -> np.ndarray | None:
+    """(3, 3) edge vectors as rows, the first along x, the second in the plane z = 0, of a cell with these three lengths
+    and cosines of its angles α, β, γ; None if there is none."""
+    ca, cb, cg = cosines
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sg = np.sqrt(1 - cg * cg)
+        third = np.array([cb, (ca - cb * cg) / sg, 0.0])
+    rest = 1 - third @ third
+    if not rest > 0:
+        return None
+    third[2] = np.sqrt(rest)
+    return np.array([[1.0, 0, 0], [cg, sg, 0], third]) * np.asarray(lengths)[:, None]
 
 
 class Columns:
@@ -116,7 +131,7 @@ class LammpsTrajectory(Trajectory):
         super().__init__()
         self.path = path
         self.source = str(path)
-        self._data = _data_file(topology)
+        self._data = _data_file(topology, self.source)
         declared = [(file_units, self.source)] if file_units else []
         if self._data is not None and self._data.unit_style:
             declared.append((self._data.unit_style, self._data.source))
@@ -184,12 +199,12 @@ class LammpsTrajectory(Trajectory):
         if wrapped and c.has(("ix", "iy", "iz")):
             images = np.stack([np.asarray(c[a]).astype(np.int64) for a in ("ix", "iy", "iz")], axis=1)
         v = f = None
-        if c.has(("vx", "vy", "vz")):
-            v = c.vector(("vx", "vy", "vz"), u.velocity)
-            used.update(("vx", "vy", "vz"))
-        if c.has(("fx", "fy", "fz")):
-            f = c.vector(("fx", "fy", "fz"), u.factor("force"))
-            used.update(("fx", "fy", "fz"))
+        if c.has(_VELOCITY):
+            v = c.vector(_VELOCITY, u.velocity)
+            used.update(_VELOCITY)
+        if c.has(_FORCE):
+            f = c.vector(_FORCE, u.factor("force"))
+            used.update(_FORCE)
         ids = np.asarray(c["id"]).astype(np.int64) if "id" in c else None
         if self._data is not None and ids is None:
             raise AtcError(f"{where}: a topology needs the 'id' column, to know which atom is which; dump id too")
@@ -239,7 +254,7 @@ class LammpsTrajectory(Trajectory):
         )
 
     def _atom_types(self, c, k, n, rows, ids, where):
-        label = next((name for name in ("typelabel", "element") if name in c), None)
+        label = _label_among(c)
         if "type" in c:
             types = np.asarray(c["type"]).astype(np.int64)
             if n and types.min() < 1:
@@ -262,10 +277,20 @@ class LammpsTrajectory(Trajectory):
             self._once("type", f"{self.source} {self._without_types}")
         return np.ones(n, np.int64), {}
 
+    def _ids_of_data(self, n, where):
+        """Ids of a file that does not number its atoms but is sorted: with as many atoms, those of the data file."""
+        ids = np.sort(np.asarray(self._data.ids))
+        if len(ids) != n:
+            raise AtcError(
+                f"{where}: {n} atoms, but {self._data.source} holds {len(ids)}: such files do not number their atoms, "
+                "so both must hold the same ones"
+            )
+        return ids
+
     def _species(self, k):
         """Names in the order of ids."""
         columns, where, line_of = self._columns_of(k)
-        label = next((name for name in ("typelabel", "element") if name in columns), None)
+        label = _label_among(columns)
         if label is None:
             return []
         order = sort_order(columns["id"], where, line_of) if "id" in columns else None
@@ -290,7 +315,7 @@ class LammpsTrajectory(Trajectory):
 
 class ScannedTrajectory(LammpsTrajectory):
     """A file whose frames are found one after the other, as far as they are needed: `_scan` finds one more and is False
-    at the end of the file, when `_complete` is set; `_found` is how many there are so far."""
+    at the end of the file, when it sets `_complete`, and is not asked again; `_found` is how many there are so far."""
 
     _complete = False
     _found = 0
@@ -307,7 +332,7 @@ class ScannedTrajectory(LammpsTrajectory):
 
     def __len__(self):
         with self._guard:
-            while self._scan():
+            while not self._complete and self._scan():
                 pass
         return self._found
 
@@ -315,7 +340,11 @@ class ScannedTrajectory(LammpsTrajectory):
         self._bytes.close()
 
 
-def _data_file(topology):
+def _label_among(columns) -> str | None:
+    return next((name for name in ("typelabel", "element") if name in columns), None)
+
+
+def _data_file(topology, source):
     if topology is None:
         return None
     from .data import LammpsData
@@ -324,4 +353,4 @@ def _data_file(topology):
         return topology
     if isinstance(topology, (str, bytes)) or hasattr(topology, "__fspath__"):
         return LammpsData(topology, getattr(topology, "atom_style", None))
-    raise AtcError(f"topology of a LAMMPS dump: expected the path of a LAMMPS data file, got {type(topology).__name__}")
+    raise AtcError(f"{source}: topology: expected the path of a LAMMPS data file, got {type(topology).__name__}")

@@ -29,18 +29,8 @@ COEFFS = {
     "BondBond13 Coeffs": ("dihedral", "bb13"), "AngleAngle Coeffs": ("improper", "aa"),
 }  # fmt: skip
 SECTIONS = frozenset(
-    (
-        "Atoms",
-        "Velocities",
-        "Masses",
-        "Ellipsoids",
-        "Lines",
-        "Triangles",
-        "Bodies",
-        *_BONDED,
-        *COEFFS,
-        *(f"{k} Type Labels" for k in _KINDS),
-    )
+    "Atoms Velocities Masses Ellipsoids Lines Triangles Bodies".split()
+    + [*_BONDED, *COEFFS, *(f"{k} Type Labels" for k in _KINDS)]
 )
 _COUNT = re.compile(
     r"^\s*(\d+)\s+(atoms|bonds|angles|dihedrals|impropers|(?:atom|bond|angle|dihedral|improper) types|"
@@ -53,7 +43,7 @@ _OF_A_FIX = re.compile(r"^\s*(\d+)\s+([A-Za-z][A-Za-z_/-]*)\s*$", re.ASCII)
 _SMALL, _LARGE = 1e-80, 1e80  # lengths whose third powers can still be computed with
 
 
-def looks_like_data(head: bytes) -> bool:
+def looks_like_data(head: bytes, path=None) -> bool:
     """Whether the first bytes of a file are those of a data file: a count of atoms, or atom types, or box bounds in its
     header."""
     lines = head.split(b"\n")[1:60]
@@ -271,19 +261,11 @@ class LammpsData:
         self._raw["velocities"] = (table["id"], np.stack([table[v] for v in ("vx", "vy", "vz")], axis=1))
 
     def _read_bonded(self, name, width):
-        f, one = self._file, name[:-1].lower()
-        if name not in f.places:
-            if self.counts.get(name.lower()):
-                raise AtcError(
-                    f"{self.source}: the header announces {self.counts[name.lower()]} {name.lower()} but there is no "
-                    f"section '{name}'"
-                )
+        one = name[:-1].lower()
+        found = self._file.bonded(name, width, self.counts.get(name.lower()), self.labels.get(name[:-1]))
+        if found is None:
             return
-        columns = ["id", "type", *(f"atom{k}" for k in range(width))]
-        s = f.section(name)
-        s.require(self.counts.get(name.lower()))
-        table = s.table(columns, frozenset(columns), self.labels.get(name[:-1]))
-        types, members = table["type"], np.stack([table[c] for c in columns[2:]], axis=1)
+        s, types, members = found
         top = self.counts.get(f"{one} types")
         wrong = (types < 1) | (types > (2**62 if top is None else top))
         if wrong.any():

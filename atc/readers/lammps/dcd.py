@@ -17,7 +17,7 @@ from ...errors import AtcError, located
 from ...frame import Cell
 from .._bytes import open_bytes
 from ..trajectory import decimal_resolution, warn
-from .columns import ScannedTrajectory
+from .columns import ScannedTrajectory, edge_vectors
 
 _NAME = b"Written by LAMMPS"
 
@@ -27,7 +27,7 @@ def looks_like_dcd(head: bytes) -> bool:
     return head[:4] in (b"T\0\0\0", b"\0\0\0T") and head[4:8] == b"CORD"
 
 
-def written_by_lammps(head: bytes) -> bool:
+def written_by_lammps(head: bytes, path=None) -> bool:
     """Whether a DCD says in its titles that LAMMPS wrote it."""
     return looks_like_dcd(head) and _NAME in head[:4096]
 
@@ -78,25 +78,10 @@ class LammpsDcd(ScannedTrajectory):
         self._bytes = open_bytes(path)
         self.source = str(path)
         self._read_header()
-        if topology is not None and not (
-            isinstance(topology, str) or hasattr(topology, "__fspath__") or hasattr(topology, "masses_of")
-        ):
-            raise AtcError(
-                f"{path} was written by LAMMPS: its topology must be the path of a LAMMPS data file, not a "
-                f"{type(topology).__name__}"
-            )
         super().__init__(path, topology, units, masses, None)
         if not self._has(0):
             raise AtcError(f"{path} holds no complete frame")
-        self._ids = None
-        if self._data is not None:
-            ids = np.sort(np.asarray(self._data.ids))
-            if len(ids) != self._n:
-                raise AtcError(
-                    f"{path} holds {self._n} atoms and {self._data.source} {len(ids)}: a DCD does not number its "
-                    "atoms, so both must hold the same ones"
-                )
-            self._ids = ids
+        self._ids = None if self._data is None else self._ids_of_data(self._n, path)
 
     def _damaged(self, byte, what) -> AtcError:
         return AtcError(f"{self.source}, byte {byte}: {what}; the file is damaged")
@@ -147,8 +132,6 @@ class LammpsDcd(ScannedTrajectory):
     # ------------------------------------------------------------------------------------------------------------------
 
     def _scan(self):
-        if self._complete:
-            return False
         end = self._body + (self._found + 1) * self._size
         self._bytes.hold = end - self._size
         if len(self._bytes.read(end - 1, end)):
@@ -175,13 +158,11 @@ class LammpsDcd(ScannedTrajectory):
         raw = self._bytes.read(start, start + self._size).tobytes()
         if len(raw) < self._size:
             raise AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened")
-        at = 0
-        six = None
+        at, six, columns = 0, None, {}
         if self._has_cell:
             six = struct.unpack_from(self._endian + "6d", raw, 4)
             self._check_record(raw, 0, 48, start, k)
             at = 56
-        columns = {}
         for name in "xyz":
             self._check_record(raw, at, 4 * self._n, start, k)
             columns[name] = np.frombuffer(raw, self._endian + "f4", self._n, at + 4).astype(np.float64)
@@ -213,14 +194,9 @@ class LammpsDcd(ScannedTrajectory):
             if not ((cosines > 0) & (cosines < 180)).all():
                 raise AtcError(f"{where}: angles {cosines.tolist()} make no cell")
             cosines = np.where(cosines == 90, 0.0, np.cos(np.radians(cosines)))
-        ca, cb, cg = cosines
-        xy, xz = b * cg, c * cb
-        ly2 = b * b - xy * xy
-        yz = (b * c * ca - xy * xz) / np.sqrt(ly2) if ly2 > 0 else np.nan
-        lz2 = c * c - xz * xz - yz * yz
-        if not (ly2 > 0 and lz2 > 0):
+        vectors = edge_vectors((a, b, c), cosines)
+        if vectors is None:
             raise AtcError(f"{where}: cosines {cosines.tolist()} of the angles make no cell")
-        vectors = np.array([[a, 0, 0], [xy, np.sqrt(ly2), 0], [xz, yz, np.sqrt(lz2)]])
         with located(where):
             return Cell(vectors * self.units.length)
 

@@ -16,6 +16,11 @@ from ..trajectory import text_resolution_of_frames, warn
 from .columns import INT_COLUMNS, KNOWN_FLOATS, TEXT_COLUMNS, ScannedTrajectory, cell_from_bounds, periodic_flags
 
 
+def looks_like_dump(head: bytes, path=None) -> bool:
+    """Whether a file begins like a text dump."""
+    return head.lstrip().startswith(b"ITEM:")
+
+
 @dataclass
 class Header:
     """What stands above the atoms of one frame. `lines` is how many lines it takes, `size` how many bytes."""
@@ -93,6 +98,7 @@ class LammpsDump(ScannedTrajectory):
     _kind = "LAMMPS"
     _may_lack_line_end = True  # whether the atoms of a frame can be the end of the file
     _next_begins = "ITEM: TIMESTEP"
+    _last_item = b"ITEM: ATOMS"  # what the last line of a header begins with
     _mark = b"ITEM:"  # what every frame begins with
     _first_item = b"ITEM: TIMESTEP"  # what is only there once a frame
 
@@ -120,33 +126,46 @@ class LammpsDump(ScannedTrajectory):
     # ------------------------------------------------------------------------------------------------------------------
 
     def _header(self, start: int, line: int, k: int) -> Header:
+        """The header of frame k, which begins at byte `start`, in line `line`."""
         size = 2048
         while True:
-            raw = self._bytes.read(start, start + size)
-            text = raw.tobytes()
-            mark = text.find(b"ITEM: ATOMS")
-            end = text.find(b"\n", mark) + 1 if mark >= 0 else 0
+            text = self._bytes.read(start, start + size).tobytes()
+            mark = text.find(self._last_item)
+            end = text.find(b"\n", mark + 1) + 1 if mark >= 0 else 0
             if end:
                 break
-            if len(raw) < size:
+            if len(text) < size or size >= 1 << 19:
                 # Never mistake another kind of file for the beginning of a dump.
-                self._header_lines(text.decode("utf-8", "replace").split("\n")[:-1], line, k)
-                raise Truncated
-            size *= 4
-            if size > 1 << 20:
-                self._header_lines(text[: 1 << 14].decode("utf-8", "replace").split("\n")[:-1], line, k)
+                self._header_lines(text[: 1 << 19].decode("utf-8", "replace").split("\n")[:-1], line, k)
+                if len(text) < size:
+                    raise Truncated
                 raise AtcError(
-                    f"{self.source}, frame {k}, line {line}: found no 'ITEM: ATOMS' here; is it a dump of atoms?"
+                    f"{self.source}, frame {k}, line {line}: found no '{self._last_item.decode().strip()}' here; is it "
+                    f"a {self._kind} dump of atoms?"
                 )
+            size *= 4
         lines = text[:end].decode("utf-8", "replace").split("\n")[:-1]
         h = self._header_lines(lines, line, k)
+        h.lines, h.size = len(lines), end
+        where = f"{self.source}, frame {k}, line {line + len(lines) - 1}"
+        self._require_items(h, where)
+        twice = next((name for name in h.columns if h.columns.count(name) > 1), None)
+        if twice is not None:
+            raise AtcError(f"{where}: column {twice!r} is there twice")
+        return h
+
+    def _header_of(self, k: int) -> Header:
+        """The header of a frame that has been found."""
+        try:
+            return self._header(self._start[k], self._line[k], k)
+        except Truncated:
+            raise self._shorter(k) from None
+
+    def _require_items(self, h: Header, where: str) -> None:
         if not h.columns:
             raise AtcError(
-                f"{self.source}, frame {k}, line {line + len(lines) - 1}: 'ITEM: ATOMS' stands where the lines of "
-                "another item are expected; the file is damaged"
+                f"{where}: 'ITEM: ATOMS' stands where the lines of another item are expected; the file is damaged"
             )
-        h.lines, h.size = len(lines), end
-        return h
 
     def _header_lines(self, lines, line, k) -> Header:
         h = Header()
@@ -166,7 +185,7 @@ class LammpsDump(ScannedTrajectory):
                         f"{self.source}, frame {k}, line {line + m}: 'ITEM: ATOMS' does not name its columns; write "
                         "them behind it, e.g. 'ITEM: ATOMS id type xs ys zs'"
                     )
-                return self._once_each(h, k, line + m)
+                return h
             try:
                 if item.startswith("ITEM: BOX BOUNDS"):
                     if m + 3 >= len(lines):
@@ -196,12 +215,6 @@ class LammpsDump(ScannedTrajectory):
             m += 2
         return h
 
-    def _once_each(self, h: Header, k: int, line: int) -> Header:
-        twice = next((name for name in h.columns if h.columns.count(name) > 1), None)
-        if twice is not None:
-            raise AtcError(f"{self.source}, frame {k}, line {line}: column {twice!r} is there twice")
-        return h
-
     def _bad(self, lines, line: int, k: int, at: int, expected: str) -> AtcError:
         """What is wrong with line number `at` of those that begin with number `line` of the file."""
         got = lines[at].strip()[:60] if at < len(lines) else "the end"
@@ -212,8 +225,6 @@ class LammpsDump(ScannedTrajectory):
 
     def _scan(self) -> bool:
         """Find one more frame. False at the end of the file."""
-        if self._complete:
-            return False
         k, start, line = len(self._start), self._next, self._next_line
         self._bytes.hold = start
         try:
@@ -338,15 +349,9 @@ class LammpsDump(ScannedTrajectory):
     def _frame(self, k):
         if not self._has(k):
             raise IndexError(k)
-        where = f"{self.source} frame {k}"
-        try:
-            h = self._header(self._start[k], self._line[k], k)
-        except Truncated:
-            raise self._shorter(k) from None
-        first = self._line[k] + h.lines
-        columns = self._table(k, h, first)
-        cell = self._cell(h, k)
-        return self._build(columns, cell, k, where, h.step, h.time, lambda row: f"line {first + row}")
+        h = self._header_of(k)
+        columns, where, line_of = self._columns_of(k, h)
+        return self._build(columns, self._cell(h, k), k, where, h.step, h.time, line_of)
 
     def _shorter(self, k: int) -> AtcError:
         return AtcError(
@@ -400,16 +405,16 @@ class LammpsDump(ScannedTrajectory):
             buf, h.columns, kinds, n, lambda row: f"{self.source}, frame {k}, line {first + row}", KNOWN_FLOATS
         )
 
-    def _columns_of(self, k):
-        h = self._header(self._start[k], self._line[k], k)
+    def _columns_of(self, k, h: Header | None = None):
+        h = h or self._header_of(k)
         first = self._line[k] + h.lines
         return self._table(k, h, first), f"{self.source} frame {k}", lambda row: f"line {first + row}"
 
     def _numbered(self):
-        return "id" in self._header(self._start[0], self._line[0], 0).columns
+        return "id" in self._header_of(0).columns
 
     def _precision(self, frame):
-        columns = self._header(self._start[0], self._line[0], 0).columns
+        columns = self._header_of(0).columns
         for behind, scaled in (("", False), ("u", False), ("s", True), ("su", True)):
             names = tuple(f"{axis}{behind}" for axis in "xyz")
             if all(name in columns for name in names):
@@ -420,7 +425,7 @@ class LammpsDump(ScannedTrajectory):
 
     def _sample(self, k, names) -> list[str]:
         """Some of what stands in these columns of frame k, as text."""
-        columns = self._header(self._start[k], self._line[k], k).columns
+        columns = self._header_of(k).columns
         if not all(name in columns for name in names):
             return []
         at = [columns.index(name) for name in names]

@@ -11,7 +11,8 @@ import numpy as np
 
 from ...errors import AtcError
 from ...units import units as unit_system
-from .._bytes import open_bytes, require_file
+from .._bytes import head_of
+from ..whole import whole_bytes
 from .columns import cell_from_bounds, periodic_flags
 
 #: Names of ``fix ave/chunk`` and ``ave/grid`` that say what a column is: its dimension.
@@ -23,17 +24,9 @@ KNOWN = {
 _OF_NO_ATOMS = ("density/mass", "density/number", "Ncount")
 
 
-def _head(path) -> bytes:
-    require_file(path)
-    reader = open_bytes(path)
-    head = reader.read(0, 1 << 14).tobytes()
-    reader.close()
-    return head
-
-
 def is_grid(path) -> bool:
     """Whether `read_grid` reads a file, told from its beginning."""
-    return Path(path).is_file() and is_grid_file(_head(path))
+    return Path(path).is_file() and is_grid_file(head_of(path))
 
 
 def is_grid_file(head: bytes) -> bool:
@@ -60,16 +53,8 @@ class _Lines:
     """The lines of a file, one after the other, with their numbers."""
 
     def __init__(self, path):
-        require_file(path)
-        reader = open_bytes(path)
-        size, raw = 1 << 24, []
-        while True:
-            piece = reader.read(sum(map(len, raw)), sum(map(len, raw)) + size).tobytes()
-            raw.append(piece)
-            if len(piece) < size:
-                break
-        reader.close()
-        self.path, self.lines, self.at = path, b"".join(raw).decode("utf-8", "replace").splitlines(), 0
+        text = whole_bytes(path).tobytes().decode("utf-8", "replace")
+        self.path, self.lines, self.at = path, text.splitlines(), 0
 
     def __bool__(self):
         while self.at < len(self.lines) and not self.lines[self.at].strip():
@@ -151,18 +136,15 @@ def _read_grid(lines: _Lines) -> tuple[list[Entry], str | None]:
             else:
                 raise lines.bad("an item of a dump grid (TIMESTEP, BOX BOUNDS, GRID SIZE, GRID CELLS)")
         names = head.split()[3:]
-        if step is None or bounds is None or shape is None or not names:
-            missing = next(
-                what
-                for what, there in (
-                    ("ITEM: TIMESTEP", step),
-                    ("ITEM: BOX BOUNDS", bounds),
-                    ("ITEM: GRID SIZE", shape),
-                    ("names of columns behind ITEM: GRID CELLS", names or None),
-                )
-                if there is None
-            )
-            raise AtcError(f"{lines.path}, line {lines.at}: {missing} is missing above the grid cells")
+        needed = {
+            "ITEM: TIMESTEP": step,
+            "ITEM: BOX BOUNDS": bounds,
+            "ITEM: GRID SIZE": shape,
+            "names of columns behind ITEM: GRID CELLS": names or None,
+        }
+        for what, there in needed.items():
+            if there is None:
+                raise AtcError(f"{lines.path}, line {lines.at}: {what} is missing above the grid cells")
         if entries and (list(entries[0].columns) != names or next(iter(entries[0].columns.values())).shape != shape):
             raise AtcError(f"{lines.path}, line {lines.at}: the grid or its columns are not those of the first step")
         table = lines.table(int(np.prod(shape)), len(names), "grid cells")
@@ -263,7 +245,7 @@ def read_grid(path, units=None):
     """
     import xarray as xr
 
-    head = _head(path)
+    head = head_of(path)
     if not is_grid_file(head):
         raise AtcError(
             f"{path}: neither a dump grid (ITEM: GRID SIZE) nor a file of fix ave/chunk ('# Chunk ...' in its third "
@@ -315,17 +297,11 @@ def _cell_coordinates(entries, length) -> dict:
     first = cells[0]
     if first.orthogonal:
         for k, d in enumerate("xyz"):
-            out[d] = (
-                d,
-                first.origin[k] + (np.arange(n[k]) + 0.5) * first.vectors[k, k] / n[k],
-                {"long_name": d, **length},
-            )
+            x = first.origin[k] + (np.arange(n[k]) + 0.5) * first.vectors[k, k] / n[k]
+            out[d] = (d, x, {"long_name": d, **length})
         return out
     s = np.stack(np.meshgrid(*[(np.arange(k) + 0.5) / k for k in n], indexing="ij"), -1)
     for k, d in enumerate("xyz"):
-        out[f"position_{d}"] = (
-            ("x", "y", "z"),
-            first.cartesian(s)[..., k],
-            {"long_name": f"{d} of the cells", **length},
-        )
+        attrs = {"long_name": f"{d} of the cells", **length}
+        out[f"position_{d}"] = (("x", "y", "z"), first.cartesian(s)[..., k], attrs)
     return out

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...errors import AtcError
 from ...units import LAMMPS_STYLES, Units, units
+from ..table import is_number
 
 #: Column headings (in LAMMPS of different years) and thermo_style keywords by what they are.
 NAMES = {
@@ -34,7 +35,11 @@ _BY_WORD = {word: name for name, words in NAMES.items() for word in words}
 TENSOR = ("pxx", "pyy", "pzz", "pxy", "pxz", "pyz")
 
 _MULTI = re.compile(r"^-{4,}\s*Step\s+(-?\d+)\s+-{3,}\s*CPU\s*=")
+#: What stands behind the rows of a run.
+_BEHIND = ("Loop time of", "Per MPI rank", "Memory usage", "ERROR")
 _MEMORY = ("Per MPI rank memory allocation", "Memory usage per processor")
+#: Beginnings of styles of fixes whose forces are none between the atoms of a potential.
+_ACTING = tuple("shake rattle rigid wall efield addforce gravity spring restrain cmap indent external qeq".split())
 _PAIR = re.compile(r"(\S+)\s+=\s+(\S+)")
 
 
@@ -135,13 +140,9 @@ class LammpsLog:
     def _read(self, path: Path) -> None:
         if not os.path.isfile(path):
             raise AtcError(f"there is no log file {path}")
-        from .._bytes import open_bytes
+        from ..whole import bytes_as_they_are
 
-        data = open_bytes(path)
-        raw = bytearray()
-        while len(piece := data.read(len(raw), len(raw) + (1 << 22))):
-            raw += piece.tobytes()
-        data.close()
+        raw = bytes_as_they_are(path).tobytes()
         if b"\0" in raw[:4096]:
             raise AtcError(f"{path}: holds binary data: not a LAMMPS log")
         lines = raw.decode("utf-8", "replace").split("\n")
@@ -186,10 +187,8 @@ class LammpsLog:
             for key, value in pairwise(args):
                 if key == "norm" and value in ("yes", "no", "on", "off", "true", "false"):
                     state.norm = value in ("yes", "on", "true")
-                elif key == "temp":
-                    state.temp = value
-                elif key == "press":
-                    state.press = value
+                elif key in ("temp", "press"):
+                    setattr(state, key, value)
         elif name == "pair_style":
             state.tail, state.echoed = False, True
         elif name == "pair_modify" and "tail" in args[:-1]:
@@ -219,9 +218,7 @@ class LammpsLog:
         found = []
         while at < len(lines):
             words = lines[at].split()
-            if lines[at].startswith(("Loop time of", "Per MPI rank", "Memory usage", "ERROR")) or _MULTI.match(
-                lines[at]
-            ):
+            if lines[at].startswith(_BEHIND) or _MULTI.match(lines[at]):
                 break
             if words[:1] == ["Step"] and not self._whole:
                 break
@@ -254,7 +251,7 @@ class LammpsLog:
         while at < len(lines):
             mark = _MULTI.match(lines[at])
             if not mark:
-                if lines[at].startswith(("Loop time of", "Per MPI rank", "Memory usage", "ERROR")):
+                if lines[at].startswith(_BEHIND):
                     break
                 at += 1
                 continue
@@ -322,33 +319,13 @@ def _causes(state: _State) -> tuple[str, ...]:
         if compute:
             out.append(f"{what} of compute {compute} (thermo_modify)")
     for style in dict.fromkeys(state.fixes.values()):
-        if style.startswith(
-            (
-                "shake",
-                "rattle",
-                "rigid",
-                "wall",
-                "efield",
-                "addforce",
-                "gravity",
-                "spring",
-                "restrain",
-                "cmap",
-                "indent",
-                "external",
-                "qeq",
-            )
-        ):
+        if style.startswith(_ACTING):
             out.append(f"fix {style}")
     return tuple(out)
 
 
 def _numeric(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return "_" not in word
+    return is_number(word.encode())
 
 
 def _last_digits(columns) -> list[np.ndarray]:

@@ -125,25 +125,18 @@ def _from_one(ids, n, s):
 
 
 def _bonded(out, f, name, width, expected, labels):
-    if name not in f.places:
-        if expected:
-            raise AtcError(
-                f"{out.source}: the header announces {expected} {name.lower()} but there is no section '{name}'"
-            )
+    found = f.bonded(name, width, expected, labels)
+    if found is None:
         return
-    s = f.section(name)
-    s.require(expected)
-    columns = ["id", "type", *(f"atom{k}" for k in range(width))]
-    table = s.table(columns, frozenset(columns), labels)
-    members = np.stack([table[c] for c in columns[2:]], axis=1)
-    wrong = (members < 1).any(axis=1) | (members > out.n).any(axis=1) | (table["type"] < 1)
+    s, types, members = found
+    wrong = (members < 1).any(axis=1) | (members > out.n).any(axis=1) | (types < 1)
     wrong |= (np.diff(np.sort(members, axis=1), axis=1) == 0).any(axis=1)
     if wrong.any():
         k = int(wrong.argmax())
         raise AtcError(
             f"{s.where(k)}: expected a type from 1 and {width} different atoms from 1 to {out.n} in section {name}"
         )
-    out.bonded[name] = (table["type"], members)
+    out.bonded[name] = (types, members)
 
 
 def _check_special(out, f):

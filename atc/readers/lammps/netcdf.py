@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import numpy as np
 
 from ...errors import AtcError, located
@@ -9,7 +11,7 @@ from ...frame import Cell
 from .._bytes import open_bytes
 from ..netcdf_classic import ClassicFile
 from ..trajectory import decimal_resolution, warn
-from .columns import INT_COLUMNS, ScannedTrajectory
+from .columns import INT_COLUMNS, ScannedTrajectory, edge_vectors
 
 # (unit of length, unit of time), as the attributes of cell_lengths and time name them -> unit style
 _STYLES = {
@@ -31,15 +33,12 @@ def is_netcdf(head: bytes) -> bool:
     return head[:3] == b"CDF" and head[3:4] in (b"\1", b"\2", b"\5")
 
 
-def netcdf_by_lammps(path, head: bytes) -> bool:
+def netcdf_by_lammps(head: bytes, path) -> bool:
     """Whether a classic NetCDF file says that LAMMPS wrote it."""
     if not is_netcdf(head) or b"program" not in head or b"LAMMPS" not in head:
         return False
-    reader = open_bytes(path)
-    try:
+    with closing(open_bytes(path)) as reader:
         return "LAMMPS" in str(ClassicFile(reader, str(path)).attrs.get("program", ""))
-    finally:
-        reader.close()
 
 
 class LammpsNetcdf(ScannedTrajectory):
@@ -123,8 +122,6 @@ class LammpsNetcdf(ScannedTrajectory):
         return a * float(factor[0])
 
     def _scan(self):
-        if self._complete:
-            return False
         self._bytes.hold = self._file._first + self._found * self._file.record_size
         if self._file.has_record(self._found):
             self._found += 1
@@ -150,12 +147,11 @@ class LammpsNetcdf(ScannedTrajectory):
                 columns.update(zip(_VECTORS[name], a.T))
             elif a.ndim == 2 and a.shape[1] <= 64:
                 columns.update({f"{name}[{j + 1}]": c for j, c in enumerate(a.T)})
-        there = None
-        if "id" in columns:
-            there = ~np.isin(columns["id"], _FILLS)  # the number of atoms may shrink; the file's does not
+        # The number of atoms may shrink; the file's does not.
+        there = ~np.isin(columns["id"], _FILLS) if "id" in columns else slice(None)
         out = {}
         for name, a in columns.items():
-            a = a if there is None else a[there]
+            a = a[there]
             if name in INT_COLUMNS:
                 whole = np.rint(a.astype(np.float64)) if a.dtype.kind == "f" else a
                 if not (whole == a).all():
@@ -197,16 +193,11 @@ class LammpsNetcdf(ScannedTrajectory):
             raise AtcError(
                 f"{where}: lengths {lengths.tolist()} and angles {angles.tolist()} make no cell; the file is damaged"
             )
-        ca, cb, cg = np.where(angles == 90, 0.0, np.cos(np.radians(angles)))
-        sg = np.sqrt(1 - cg * cg)
-        third = np.array([cb, (ca - cb * cg) / sg, 0.0])
-        rest = 1 - third @ third
-        if not rest > 0:
+        vectors = edge_vectors(lengths, np.where(angles == 90, 0.0, np.cos(np.radians(angles))))
+        if vectors is None:
             raise AtcError(f"{where}: angles {angles.tolist()} make no cell; the file is damaged")
-        third[2] = np.sqrt(rest)
-        vectors = np.array([[1.0, 0, 0], [cg, sg, 0], third]) * lengths[:, None] * self.units.length
         with located(where):
-            return Cell(vectors, origin * self.units.length, lengths > 0)
+            return Cell(vectors * self.units.length, origin * self.units.length, lengths > 0)
 
     def _numbered(self):
         return "id" in self._file.variables

@@ -15,6 +15,7 @@ import numpy as np
 from ...compiled import njit
 from ...errors import AtcError
 from .. import _parse
+from ..table import parse_columns
 from ..trajectory import warn
 from ..whole import whole_bytes
 
@@ -85,25 +86,6 @@ def _filled(buf, begin, end, out, number, out_number):
     return rows, m
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _first_short(buf, columns):
-    """The first line with fewer words, and where it begins."""
-    p, row = 0, 0
-    while p < len(buf):
-        line, words, inside = p, 0, False
-        while buf[p] != 10:
-            blank = buf[p] <= 32
-            words += inside and blank
-            inside = not blank
-            p += 1
-        words += inside
-        if words < columns:
-            return row, line
-        p += 1
-        row += 1
-    return -1, 0
-
-
 class Section:
     """The lines of a section: ``buf`` without blanks and comments, ``number`` of each line in the file."""
 
@@ -145,84 +127,27 @@ class Section:
     def table(self, columns, whole, label=None) -> dict:
         """The columns by name: int64 where they are in `whole`, float64 otherwise. label : {name: number} that words of
         the column "type" may be."""
-        n, buf, name = len(self), self.buf, self.name
-        if len(buf) < 2 * n * len(columns):
-            row, at = _first_short(buf, len(columns))
-            self._wrong_width(columns, row, at)
+        of = f" of section {self.name}"
         kinds = [_parse.INT if c in whole or c == "type" else _parse.FLOAT for c in columns]
         if label and "type" in columns:
             kinds[columns.index("type")] = _parse.TEXT
-        slots = [sum(k == kinds[c] for k in kinds[:c]) for c in range(len(kinds))]
-        floats = np.empty((n, kinds.count(_parse.FLOAT)))
-        ints = np.empty((n, kinds.count(_parse.INT)), np.int64)
-        texts = np.empty((n, kinds.count(_parse.TEXT), 2), np.int64)
-        hard = np.empty((4096, 4), np.int64)
-        status, row, pos = _parse.FULL, 0, 0
-        while status == _parse.FULL:
-            status, row, pos, n_hard = _parse.parse_table(
-                buf, pos, np.array(kinds), np.array(slots), row, n, floats, ints, texts, hard
-            )
-            for r, c, a, b in hard[:n_hard].tolist():
-                word = buf[a:b].tobytes().decode("utf-8", "replace")
-                if kinds[c] == _parse.INT:
-                    ints[r, slots[c]] = self._whole(word, r, columns[c])
-                else:
-                    floats[r, slots[c]] = self._number(word, r, columns[c])
-        if status != _parse.DONE:
-            self._wrong_width(columns, row, pos)
-        if floats.size and (top := np.abs(floats).max()) > _HUGE:
-            r, s = np.argwhere(np.abs(floats) == top)[0]
-            c = next(k for k in range(len(kinds)) if kinds[k] == _parse.FLOAT and slots[k] == s)
-            raise AtcError(
-                f"{self.where(r)}: {floats[r, s]:g} for {columns[c]!r} in section {name} is no number that atoms have"
-            )
-        out = {}
-        for c, kind, slot in zip(columns, kinds, slots, strict=True):
+        out = parse_columns(self.buf, columns, kinds, len(self), self.where, frozenset(columns), of)
+        for c, kind in zip(columns, kinds, strict=True):
             if kind == _parse.TEXT:
-                out[c] = self._labelled(texts[:, slot], label)
-            else:
-                out[c] = (floats if kind == _parse.FLOAT else ints)[:, slot].copy()
-        return out
+                out[c] = self._labelled(out[c], label)
+            elif kind == _parse.FLOAT and len(self) and (top := np.abs(out[c]).max()) > _HUGE:
+                row = int(np.abs(out[c]).argmax())
+                raise AtcError(f"{self.where(row)}: column {c!r}{of} holds {top:g}: no number that atoms have")
+        return {c: a.copy() for c, a in out.items()}
 
-    def _wrong_width(self, columns, row, at):
-        end = at + int(np.argmax(self.buf[at:] == 10))
-        line = self.buf[at:end].tobytes().decode("utf-8", "replace").strip()
-        raise AtcError(
-            f"{self.where(row)}: expected {len(columns)} columns ({' '.join(columns)}) in section {self.name}, got "
-            f"{len(line.split())}: '{shortened(line)}'"
-        )
-
-    def _number(self, word, row, column) -> float:
-        value = number_of(word)
-        if value is None:
-            raise AtcError(
-                f"{self.where(row)}: expected a finite number for {column!r} in section {self.name}, got "
-                f"{shortened(word)!r}"
-            )
-        return value
-
-    def _whole(self, word, row, column) -> int:
-        value = whole_of(word)
-        if value is None:
-            raise AtcError(
-                f"{self.where(row)}: expected an integer for {column!r} in section {self.name}, got {shortened(word)!r}"
-            )
-        return value
-
-    def _labelled(self, spans, label):
-        known = {}
-        out = np.empty(len(spans), np.int64)
-        for k, (a, b) in enumerate(spans.tolist()):
-            word = self.buf[a:b].tobytes()
-            if word not in known:
-                text = word.decode("utf-8", "replace")
-                known[word] = label[text] if text in label else whole_of(text)
-                if known[word] is None:
-                    raise AtcError(
-                        f"{self.where(k)}: {shortened(text)!r} is neither a number nor one of the file's Type Labels"
-                    )
-            out[k] = known[word]
-        return out
+    def _labelled(self, words, label):
+        texts, first, inverse = np.unique(words, return_index=True, return_inverse=True)
+        numbers = [label.get(text, whole_of(text)) for text in texts.tolist()]
+        if None in numbers:
+            row = min(first[k] for k, number in enumerate(numbers) if number is None)
+            word = shortened(str(words[row]))
+            raise AtcError(f"{self.where(row)}: {word!r} is neither a number nor one of the file's Type Labels")
+        return np.array(numbers, np.int64)[inverse]
 
 
 def number_of(word: str) -> float | None:
@@ -362,3 +287,18 @@ class SectionedFile:
         rows, size = _filled(self._buf, begin, end, out, line, number)
         last = end == len(self._buf) and rows and number[rows - 1] == line + n - 1
         return Section(name, comment, line - 1, out[:size], number[:rows], self.source, bool(last))
+
+    def bonded(self, name: str, width: int, announced: int | None, labels=None):
+        """(section, types (m,), members (m, width)) of a section of bonded terms, None without one. `announced`: how
+        many the header says there are, as far as it does."""
+        if name not in self.places:
+            if announced:
+                raise AtcError(
+                    f"{self.source}: the header announces {announced} {name.lower()} but there is no section '{name}'"
+                )
+            return None
+        columns = ["id", "type", *(f"atom{k}" for k in range(width))]
+        s = self.section(name)
+        s.require(announced)
+        table = s.table(columns, frozenset(columns), labels)
+        return s, table["type"], np.stack([table[c] for c in columns[2:]], axis=1)

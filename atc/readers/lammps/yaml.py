@@ -17,7 +17,7 @@ _BLANKS = bytes(range(256)).translate(bytes.maketrans(b"[],", b"   "))
 _LIST = re.compile(r"^\s*(?:-\s*)?\[(.*)\]\s*$")
 
 
-def looks_like_yaml_dump(head: bytes) -> bool:
+def looks_like_yaml_dump(head: bytes, path=None) -> bool:
     """Whether a file begins like a document of ``dump yaml``."""
     return bool(re.match(rb"---\s*\ncreator: LAMMPS\s*\n", head.replace(b"\r\n", b"\n")))
 
@@ -32,35 +32,14 @@ class LammpsYamlDump(LammpsDump):
     _kind = "YAML"
     _may_lack_line_end = False
     _next_begins = "... and ---"
+    _last_item = b"\ndata:"
     _mark = b"---"
     _first_item = b"timestep:"
 
-    def _header(self, start: int, line: int, k: int) -> Header:
-        size = 4096
-        while True:
-            raw = self._bytes.read(start, start + size)
-            text = raw.tobytes()
-            mark = text.find(b"\ndata:")
-            end = text.find(b"\n", mark + 1) + 1 if mark >= 0 else 0
-            if end:
-                break
-            if len(raw) < size:
-                self._header_lines(text.decode("utf-8", "replace").split("\n")[:-1], line, k)
-                raise Truncated
-            size *= 4
-            if size > 1 << 20:
-                raise AtcError(
-                    f"{self.source}, frame {k}, line {line}: found no 'data:' here; is it a YAML dump of atoms?"
-                )
-        lines = text[:end].decode("utf-8", "replace").split("\n")[:-1]
-        h = self._header_lines(lines, line, k)
+    def _require_items(self, h: Header, where: str) -> None:
         for what, value in (("timestep", h.step), ("natoms", h.n), ("box", h.box), ("keywords", h.columns or None)):
             if value is None:
-                raise AtcError(
-                    f"{self.source}, frame {k}, line {line + len(lines) - 1}: expected '{what}:' before 'data:'"
-                )
-        h.lines, h.size = len(lines), end
-        return h
+                raise AtcError(f"{where}: expected '{what}:' before 'data:'")
 
     def _header_lines(self, lines, line, k) -> Header:
         h = Header()
@@ -117,7 +96,7 @@ class LammpsYamlDump(LammpsDump):
                 h.box = (("xy", "xz", "yz", *pairs), [[*r, t] for r, t in zip(rows, rows[3])], h.box[2])
             else:
                 h.box = (pairs, rows, h.box[2])
-        return self._once_each(h, k, line)
+        return h
 
     def _skip(self, pos: int, h: Header) -> int:
         end = super()._skip(pos, h)
