@@ -21,28 +21,29 @@ FOLLOWS = ("mass", "+x", "-x", "+y", "-y", "+z", "-z")
 _AXES = {"x": 0, "y": 1, "z": 2, "a": 0, "b": 1, "c": 2, 0: 0, 1: 1, 2: 2}
 
 
-def _numbers(what, value, shape):
-    """`value` as a float array of `shape` (None: any length along that axis), all finite, or an AtcError."""
+def _floats(what, value):
     try:
-        a = np.array(value, dtype=np.float64)
+        return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise AtcError(f"{what} must be numbers, got {value!r}") from None
+
+
+def _numbers(what, value, shape):
+    """`value` as a float array of `shape` (None: any length along that axis), all finite, or an AtcError."""
+    a = _floats(what, value)
     if a.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, a.shape)):
         want = " x ".join("n" if s is None else str(s) for s in shape)
         raise AtcError(f"{what}: expected {want} numbers, got shape {a.shape}")
     if not np.isfinite(a).all():
-        raise AtcError(
-            f"{what} must be finite, got {value!r}" if a.size < 10 else f"{what} holds numbers that are not finite"
-        )
+        raise AtcError(f"{what} must be finite, got {value!r}" if a.size < 10 else f"{what} must all be finite")
     return a
 
 
 def _counts(what, value, n):
     """`value` as n positive integers (one is repeated)."""
     a = np.asarray(value)
-    if a.dtype.kind not in "iu" and not (a.dtype.kind == "f" and np.isfinite(a).all() and (a == np.round(a)).all()):
-        raise AtcError(f"{what} must be {n} whole numbers, got {value!r}")
-    if a.ndim > 1 or a.size not in (1, n):
+    whole = a.dtype.kind in "iu" or (a.dtype.kind == "f" and np.isfinite(a).all() and (a == np.round(a)).all())
+    if not whole or a.ndim > 1 or a.size not in (1, n):
         raise AtcError(f"{what} must be {n} whole numbers, got {value!r}")
     a = np.array(np.broadcast_to(a.reshape(-1), (n,)), dtype=np.int64)
     if (a <= 0).any():
@@ -51,10 +52,7 @@ def _counts(what, value, n):
 
 
 def _spacing(value, n):
-    try:
-        a = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise AtcError(f"grid spacing must be numbers, got {value!r}") from None
+    a = _floats("grid spacing", value)
     if a.ndim > 1 or a.size not in (1, n) or not np.isfinite(a).all() or (a <= 0).any():
         raise AtcError(f"grid spacing must be positive and finite, one number or {n}, got {value!r}")
     return np.array(np.broadcast_to(a.reshape(-1), (n,)))
@@ -63,10 +61,7 @@ def _spacing(value, n):
 def _points(what, value, shape):
     """Points (or one point, or vectors) as float arrays: ``shape`` with a 3 last. Those of two numbers get NaN for z,
     which is filled in when the plane is known."""
-    try:
-        a = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise AtcError(f"{what} must be numbers, got {value!r}") from None
+    a = _floats(what, value)
     if a.ndim == len(shape) and a.shape[-1:] == (2,):
         two = _numbers(what, value, (*shape[:-1], 2))
         return np.concatenate([two, np.full((*two.shape[:-1], 1), np.nan)], axis=-1)
@@ -105,18 +100,13 @@ def _layers(shape, flat: bool):
     if shape is None:
         return None
     n = shape[-1]
-    if flat:
-        if n > 1:
-            raise AtcError(
-                f"grid shape {' x '.join(map(str, shape))}: in two dimensions a regular grid has one layer: give two "
-                f"numbers, e.g. {list(shape[:2])}"
-            )
-        return (*shape[:2], 1)
-    if n == 0:
-        raise AtcError(
-            f"grid shape {' x '.join(map(str, shape[:2]))}: two numbers are a grid of a two-dimensional run: give three"
-        )
-    return (*shape[:2], abs(n))
+    two = " x ".join(map(str, shape[:2]))
+    if flat and n > 1:
+        why = f"in two dimensions a regular grid has one layer: give two numbers, e.g. {list(shape[:2])}"
+        raise AtcError(f"grid shape {two} x {n}: {why}")
+    if not flat and n == 0:
+        raise AtcError(f"grid shape {two}: two numbers are a grid of a two-dimensional run: give three")
+    return (*shape[:2], 1 if flat else abs(n))
 
 
 def _padding(value) -> dict:
@@ -133,13 +123,29 @@ def _padding(value) -> dict:
     return {"padding": float(length)}
 
 
+def _region(cell) -> np.ndarray:
+    """(3, 3) edge vectors of a region given by lengths or edge vectors, two or three; of two, NaN at the end."""
+    v = np.asarray(cell, dtype=object)
+    n = 2 if v.shape[:1] == (2,) else 3
+    if v.ndim == 1:
+        given = np.diag(_numbers("grid region", cell, (n,)))
+    else:
+        given = _points("grid region", cell, (2, 3)) if n == 2 else _numbers("grid region", cell, (3, 3))
+    out = np.eye(3)
+    out[:n, :n] = given[:, :n]
+    lengths = np.linalg.norm(out, axis=1)
+    if (lengths == 0).any() or abs(np.linalg.det(out)) <= 1e-14 * lengths.prod():
+        raise AtcError(f"the grid's region has no volume: edge vectors {out.tolist()}")
+    if n == 2:
+        out[2, 2] = np.nan
+    return out
+
+
 def _same(a: dict, b: dict) -> bool:
     def equal(x, y):
-        return (
-            np.array_equal(x, y, equal_nan=True)
-            if isinstance(x, np.ndarray) and isinstance(y, np.ndarray)
-            else type(x) is type(y) and x == y
-        )
+        if isinstance(x, np.ndarray) and isinstance(y, np.ndarray):
+            return np.array_equal(x, y, equal_nan=True)
+        return type(x) is type(y) and x == y
 
     return a.keys() == b.keys() and all(equal(a[k], b[k]) for k in a)
 
@@ -195,28 +201,7 @@ class Grid:
             cell = vectors
         origin = None if origin is None else _points("grid origin", origin, (3,))
         if cell is not None and not isinstance(cell, Cell):
-            v = np.asarray(cell, dtype=object)
-            flat = v.shape[:1] == (2,)
-            if flat:
-                two = (
-                    np.diag(_numbers("grid region", cell, (2,)))
-                    if v.ndim == 1
-                    else _points("grid region", cell, (2, 3))[:, :2]
-                )
-                v = np.eye(3)
-                v[:2, :2] = two
-            else:
-                v = (
-                    np.diag(_numbers("grid region", cell, (3,)))
-                    if v.ndim == 1
-                    else _numbers("grid region", cell, (3, 3))
-                )
-            lengths = np.linalg.norm(v, axis=1)
-            if (lengths == 0).any() or abs(np.linalg.det(v)) <= 1e-14 * lengths.prod():
-                raise AtcError(f"the grid's region has no volume: edge vectors {v.tolist()}")
-            cell = v
-            if flat:
-                cell[2, 2] = np.nan
+            cell = _region(cell)
         if padding is not None and not (cell is None and origin is None):
             raise AtcError("padding extends a grid over the cell: give a region of your own as large as it should be")
         if isinstance(cell, Cell) and not cell.complete:
@@ -253,13 +238,12 @@ class Grid:
             How far a cross-section of the cell reaches beyond its open faces, as for `regular`.
         """
         shape, spacing = _shape_or_spacing(shape, spacing, 2)
-        shift = _at(at)
+        points = {"shape": shape, "spacing": spacing, "shift": _at(at)}
         if axis is not None:
             if not (origin is None and u is None and v is None):
                 raise AtcError("give a plane as origin, u and v or as axis and position, not both")
             position = None if position is None else float(_numbers("plane position", position, ()))
-            given = {"axis": _axis(axis), "position": position, "shape": shape, "spacing": spacing, "shift": shift}
-            return cls("plane", {**given, **_padding(padding)})
+            return cls("plane", {"axis": _axis(axis), "position": position, **points, **_padding(padding)})
         if padding is not None:
             raise AtcError("padding extends a cross-section of the cell: give u and v as long as they should be")
         if u is None or v is None:
@@ -269,10 +253,7 @@ class Grid:
         a, b = np.nan_to_num(u), np.nan_to_num(v)
         if np.linalg.norm(np.cross(a, b)) <= 1e-14 * np.linalg.norm(a) * np.linalg.norm(b):
             raise AtcError("the plane's edge vectors u and v are parallel or zero")
-        return cls(
-            "plane",
-            {"axis": None, "origin": origin, "u": u, "v": v, "shape": shape, "spacing": spacing, "shift": shift},
-        )
+        return cls("plane", {"axis": None, "origin": origin, "u": u, "v": v, **points})
 
     @classmethod
     def line(cls, start, end, n) -> Grid:
@@ -297,9 +278,8 @@ class Grid:
         (bins,) = _counts("number of bins", bins, 1)
         if not isinstance(means, bool):
             raise AtcError(f"slab means {means!r}: expected true (over the width of bins) or false (at their centres)")
-        return cls(
-            "slab", {"axis": _axis(axis), "bins": bins, **_padding(padding), **({"means": True} if means else {})}
-        )
+        more = _padding(padding) | ({"means": True} if means else {})
+        return cls("slab", {"axis": _axis(axis), "bins": bins, **more})
 
     @classmethod
     def planes(cls, axis, positions=None, *, n=None, at="centers", patches=None, interval=None) -> Grid:
@@ -333,14 +313,9 @@ class Grid:
     def points(cls, xyz) -> Grid:
         """These points, (n, 3); (n, 2) in two dimensions."""
         a = np.asarray(xyz, dtype=object)
-        a = (
-            _points("grid points", [xyz] if a.ndim == 1 and a.size in (2, 3) else xyz, (None, 3))
-            if a.size
-            else np.zeros((0, 3))
-        )
-        if len(a) == 0:
+        if a.size == 0:
             raise AtcError("the grid has no points")
-        return cls("points", {"xyz": a})
+        return cls("points", {"xyz": _points("grid points", [xyz] if a.shape in ((2,), (3,)) else xyz, (None, 3))})
 
     @classmethod
     def atoms(cls) -> Grid:
@@ -434,11 +409,9 @@ class Grid:
     def over_cell(self) -> bool:
         """Whether it ends at the faces of the cell (or, with padding, beyond the open ones)."""
         p = self._
-        return (
-            self.kind == "slab"
-            or (self.kind == "regular" and p["cell"] is None and p["origin"] is None)
-            or (self.kind == "plane" and p["axis"] is not None)
-        )
+        if self.kind == "regular":
+            return p["cell"] is None and p["origin"] is None
+        return self.kind == "slab" or (self.kind == "plane" and p["axis"] is not None)
 
     @property
     def follows_atoms(self) -> bool:
@@ -461,13 +434,9 @@ class Grid:
             fixed = Grid(self.kind, {k: v for k, v in p.items() if k != "follow"})
             what = "centre of mass" if p["follow"] == "mass" else f"interface on the {p['follow']} side"
             return f"{fixed.describe()}, moving with the {what}"
-        how = (
-            f"{' x '.join(str(abs(n)) for n in p['shape'] if n)} points"
-            if p.get("shape")
-            else f"spacing {np.unique(p['spacing'][np.isfinite(p['spacing'])]).tolist()}"
-            if "spacing" in p
-            else ""
-        )
+        how = f"{' x '.join(str(abs(n)) for n in p['shape'] if n)} points" if p.get("shape") else ""
+        if not how and "spacing" in p:
+            how = f"spacing {np.unique(p['spacing'][np.isfinite(p['spacing'])]).tolist()}"
         if "padding" in p and self.kind != "regular":
             return Grid(self.kind, {k: v for k, v in p.items() if k != "padding"}).describe() + ", padded at open faces"
         if self.kind == "regular":
@@ -477,10 +446,8 @@ class Grid:
         if self.kind == "plane":
             return f"plane, {how}" + (f", normal to {'xyz'[p['axis']]}" if p["axis"] is not None else "")
         if self.local_axes:
-            inner = f" from {p['inner']:g}" if p["inner"] else ""
-            return (
-                f"{self.kind},{inner} to radius {p['radius']:g}, {how}, components along {', '.join(self.local_axes)}"
-            )
+            reach = (f" from {p['inner']:g}" if p["inner"] else "") + f" to radius {p['radius']:g}"
+            return f"{self.kind},{reach}, {how}, components along {', '.join(self.local_axes)}"
         if self.kind == "planes":
             from .planes import described
 
@@ -518,11 +485,9 @@ class Grid:
         if dimension == 3:
             for key, value in p.items():
                 if isinstance(value, np.ndarray) and np.isnan(value).any():
-                    want = "one or three" if key == "spacing" else "x, y and z"
-                    raise AtcError(
-                        f"grid {shown.get(key, key)}: two numbers are of a two-dimensional run, but this one has "
-                        f"three dimensions: give {want}"
-                    )
+                    why = "two numbers are of a two-dimensional run, but this one has three dimensions: give "
+                    why += "one or three" if key == "spacing" else "x, y and z"
+                    raise AtcError(f"grid {shown.get(key, key)}: {why}")
         elif self.local_axes:
             raise AtcError(f"a {self.kind} grid is one of three dimensions: take points in a two-dimensional run")
         elif self.kind == "slab" and p["axis"] == 2:
@@ -530,10 +495,8 @@ class Grid:
         elif self.kind == "planes" and (p["axis"] == 2 or p["patches"]):
             raise AtcError("planes in a two-dimensional run are lines: take x or y as axis, and no patches")
         elif self.kind == "plane" and p["axis"] in (0, 1):
-            raise AtcError(
-                f"a plane normal to axis {'xyz'[p['axis']]}: in two dimensions that is a line: use a line or a slab "
-                "profile"
-            )
+            why = "in two dimensions that is a line: use a line or a slab profile"
+            raise AtcError(f"a plane normal to axis {'xyz'[p['axis']]}: {why}")
         elif self.kind == "plane" and p.get("position") is not None:
             raise AtcError("a plane at a position along z: a two-dimensional run has only one: leave the position out")
 
@@ -575,19 +538,9 @@ class Grid:
             return planes
         own, cell = cell, self._padded(cell, f)
         if self.kind == "line":
-            n = p["n"]
-            if flat:
-                start, end = place("line start", p["start"] * f), place("line end", p["end"] * f)
-                return BoundGrid(
-                    "line",
-                    cell,
-                    ("s",),
-                    origin=start - cell.origin,
-                    steps=((end - start) / max(n - 1, 1))[None],
-                    counts=(n,),
-                )
-            step = (p["end"] - p["start"]) * f / max(n - 1, 1)
-            return BoundGrid("line", cell, ("s",), origin=p["start"] * f - cell.origin, steps=step[None], counts=(n,))
+            n, start, _ = p["n"], place("line start", p["start"] * f), place("line end", p["end"] * f)
+            steps = _directions("line", (p["end"] - p["start"])[None] * f / max(n - 1, 1), flat)
+            return BoundGrid("line", cell, ("s",), origin=start - cell.origin, steps=steps, counts=(n,))
         if self.kind == "slab":
             n, a = p["bins"], p["axis"]  # deposited in the padded cell, whose cross-section is the same
             step = cell.vectors[a] / n
@@ -608,29 +561,25 @@ class Grid:
                 name = tuple("xyz"[k] for k in others)
         else:
             region, name = p["cell"], ("x", "y", "z")
-            if flat:
-                return self._layer(units, own, cell)
             if region is None:
                 origin, edges = cell.origin - own.origin, cell.vectors
             elif isinstance(region, Cell):
-                origin, edges = region.origin - cell.origin, region.vectors
+                origin, edges = region.origin - own.origin, region.vectors
             else:
-                origin, edges = -cell.origin, region * f
+                origin, edges = -own.origin, region * f
             if p["origin"] is not None:
-                origin = p["origin"] * f - cell.origin
-        lengths = np.linalg.norm(edges, axis=1)
-        shape = _layers(p["shape"], False) if self.kind == "regular" else p["shape"]
-        counts = shape or tuple(int(k) for k in np.maximum(np.round(lengths / (p["spacing"] * f)), 1))
-        steps = edges / np.array(counts)[:, None]
-        return BoundGrid(
-            self.kind,
-            own,
-            name,
-            origin=origin + p["shift"] * steps.sum(0),
-            steps=steps,
-            counts=counts,
-            shift=p["shift"],
-        )
+                origin = p["origin"] * f - own.origin
+        layer = flat and self.kind == "regular"  # in the plane; what the region says of z is of no account
+        edges = _directions("grid region", edges[:2], True) if layer else edges
+        shape = _layers(p["shape"], flat) if self.kind == "regular" else p["shape"]
+        if shape is None:
+            wanted = np.linalg.norm(edges, axis=1) / (p["spacing"][: len(edges)] * f)
+            shape = (*(int(k) for k in np.maximum(np.round(wanted), 1)), *([1] if layer else []))
+        steps = edges / np.array(shape[: len(edges)])[:, None]
+        origin = origin + p["shift"] * steps.sum(0)
+        if layer:
+            steps, origin = np.vstack([steps, own.vectors[2]]), np.array([*origin[:2], 0.0]) + 0.5 * own.vectors[2]
+        return BoundGrid(self.kind, own, name, origin=origin, steps=steps, counts=shape, shift=p["shift"])
 
     def _padded(self, cell, factor) -> Cell:
         """The cell with its open faces as far out as the grid's padding says."""
@@ -643,28 +592,6 @@ class Grid:
 
         return extended(cell, open_axes(self.kind, self._.get("axis"), cell), padding * factor)
 
-    def _layer(self, units, cell, padded) -> BoundGrid:
-        """A regular grid in two dimensions: one layer, in the plane; what the region says of z is of no account."""
-        p, f = self._, units.factor("length")
-        region = p["cell"]
-        if region is None:
-            origin, edges = padded.origin - cell.origin, padded.vectors
-        elif isinstance(region, Cell):
-            origin, edges = region.origin - cell.origin, region.vectors
-        else:
-            origin, edges = -cell.origin, region * f
-        if p["origin"] is not None:
-            origin = p["origin"] * f - cell.origin
-        edges = _directions("grid region", edges[:2], True)
-        shape = _layers(p["shape"], True)
-        counts = shape or (
-            *(int(k) for k in np.maximum(np.round(np.linalg.norm(edges, axis=1) / (p["spacing"][:2] * f)), 1)),
-            1,
-        )
-        steps = np.stack([edges[0] / counts[0], edges[1] / counts[1], cell.vectors[2]])
-        origin = np.array([*origin[:2], 0.0]) + p["shift"] * steps[:2].sum(0) + 0.5 * cell.vectors[2]
-        return BoundGrid("regular", cell, ("x", "y", "z"), origin=origin, steps=steps, counts=counts, shift=p["shift"])
-
 
 def _in_space(z, units, what, points):
     """Points that were given by two numbers or three, in the plane z (None: three dimensions, as they are); an error
@@ -673,16 +600,13 @@ def _in_space(z, units, what, points):
         return points
     at = np.where(np.isnan(points[..., 2]), z, points[..., 2])
     # 1e-9: vectors that went through another unit system differ by rounding.
-    off = np.flatnonzero(
-        np.abs(np.atleast_1d(at) - z) > 1e-9 * max(1.0, float(np.abs(np.nan_to_num(points)).max(initial=0.0)))
-    )
+    near = 1e-9 * max(1.0, float(np.abs(np.nan_to_num(points)).max(initial=0.0)))
+    off = np.flatnonzero(np.abs(np.atleast_1d(at) - z) > near)
     if len(off):
-        bad = units.to_user("length", float(np.atleast_1d(at)[off[0]]))
+        bad, plane = (units.to_user("length", float(v)) for v in (np.atleast_1d(at)[off[0]], z))
         number = f" {off[0]}" if points.ndim > 1 else ""
-        where = f"z = {units.to_user('length', float(z)):g} {units.label('length')}"
-        raise AtcError(
-            f"{what}{number} lies at z = {bad:g}, off the plane {where} of a two-dimensional run: give x and y only"
-        )
+        where = f"z = {bad:g}, off the plane z = {plane:g} {units.label('length')} of a two-dimensional run"
+        raise AtcError(f"{what}{number} lies at {where}: give x and y only")
     out = points.copy()
     out[..., 2] = z
     return out
@@ -781,13 +705,8 @@ class BoundGrid:
     def tiles(self) -> bool:
         """Whether this is a regular grid over the frame's whole cell, so that sums over points times `cell_volume` are
         integrals over it."""
-        if self.kind != "regular":
-            return False
-        edges = self.steps * np.array(self.counts)[:, None]
-        # 1e-12: vectors that went through another unit system differ by rounding.
-        same = np.abs(edges - self.cell.vectors).max() <= 1e-12 * np.abs(self.cell.vectors).max()
-        if not same or self.cell.periodic.all():
-            return bool(same)
+        if not self.wraps or self.cell.periodic.all():
+            return self.wraps
         # An open axis is only covered if the region starts where the cell does.
         s = self.origin @ self.cell.inverse * np.array(self.counts)
         open_axis = ~self.cell.periodic
@@ -799,6 +718,7 @@ class BoundGrid:
         if self.kind != "regular":
             return False
         edges = self.steps * np.array(self.counts)[:, None]
+        # 1e-12: vectors that went through another unit system differ by rounding.
         return bool(np.abs(edges - self.cell.vectors).max() <= 1e-12 * np.abs(self.cell.vectors).max())
 
     @property
@@ -853,29 +773,19 @@ class BoundGrid:
             distance = np.arange(self.counts[0]) * np.linalg.norm(self.steps[0])
             out["s"] = (("s",), to_user(distance), {**label, "long_name": "distance from the start of the line"})
         elif self.kind == "plane" and self.dims == ("u", "v"):
-            for a in range(2):
-                distance = (np.arange(self.counts[a]) + self.shift) * np.linalg.norm(self.steps[a])
-                out[self.dims[a]] = (
-                    (self.dims[a],),
-                    to_user(distance),
-                    {**label, "long_name": f"distance along the plane's edge {self.dims[a]}"},
-                )
+            for d, n, step in zip(self.dims, self.counts, self.steps):
+                distance = (np.arange(n) + self.shift) * np.linalg.norm(step)
+                out[d] = ((d,), to_user(distance), {**label, "long_name": f"distance along the plane's edge {d}"})
         elif self.is_lattice:
             along = [("xyz".index(d), s) for d, s in zip(self.dims, self.steps)]
             if all(np.count_nonzero(np.delete(s, k)) == 0 for k, s in along):
                 for (k, s), d, n in zip(along, self.dims, self.counts):
-                    out[d] = (
-                        (d,),
-                        to_user(self.cell.origin[k] + self.origin[k] + s[k] * np.arange(n)),
-                        {**label, "long_name": d},
-                    )
+                    x = self.cell.origin[k] + self.origin[k] + s[k] * np.arange(n)
+                    out[d] = ((d,), to_user(x), {**label, "long_name": d})
                 if self.kind == "regular":
                     return out
         xyz = to_user(self.points_gc)
         for k, d in enumerate("xyz"):
-            out[f"position_{d}"] = (
-                self.dims,
-                xyz[:, k].reshape(self.shape),
-                {**label, "long_name": f"{d} of the points"},
-            )
+            about = {**label, "long_name": f"{d} of the points"}
+            out[f"position_{d}"] = (self.dims, xyz[:, k].reshape(self.shape), about)
         return out

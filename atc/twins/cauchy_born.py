@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import AtcError
 from ..upscaling.cauchy_born import CauchyBorn, CrystalLaw, StrainEnergy, cubic_of
-from .material import hill, sampled_constants
+from .material import TwinMaterial, hill, require_stable, sampled_constants
 
 #: The horizon in distances of nodes: the three nearest shells of a cubic lattice. What a node sees of its strain is
 #: exact for every family that spans space, so that a larger one would only blur it.
@@ -16,7 +15,7 @@ HORIZON = 1.8
 
 
 @dataclass
-class CauchyBornTwin:
+class CauchyBornTwin(TwinMaterial):
     """The crystal itself at every node (internal units).
 
     material : pd.Hyperelastic. law : CrystalLaw
@@ -35,11 +34,6 @@ class CauchyBornTwin:
     @property
     def crystal_vv(self) -> np.ndarray:
         return self.wanted_vv
-
-    @property
-    def error(self) -> float:
-        """The largest difference of the nodes' constants from the crystal's, relative to the largest constant."""
-        return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())
 
     def lines(self, units) -> list[str]:
         """What it is, what it gets exactly and what not: for a person."""
@@ -88,8 +82,7 @@ def cauchy_born(crystal, model, axes, step_cc, horizon, temperature=None) -> Cau
     from ..upscaling.free_energy import vibrational
 
     exact = CauchyBorn(crystal, model)
-    if not np.linalg.eigvalsh(exact.moduli_vv).min() > 0:
-        raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
+    require_stable(crystal, np.linalg.eigvalsh(exact.moduli_vv).min() > 0)
     # The nodes' sums are those of any law: they are tried with the one that is at rest.
     law = CrystalLaw(exact, StrainEnergy.fitted(exact), axes)
     sampled, wanted = sampled_constants(pd.Hyperelastic(law), step_cc, horizon, crystal.density), law.moduli_vv

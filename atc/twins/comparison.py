@@ -156,7 +156,7 @@ def add_constants(data, units, material) -> None:
         ("elastic_material", "wanted_vv", "that the material means to have"),
         ("elastic_nodes", "sampled_vv", "that the sums over nodes make of it"),
     ):
-        if (C := getattr(material, key, None)) is not None:
+        if (C := getattr(material, key)) is not None:
             values = units.to_user("pressure", C)
             attrs = {"units": units.label("pressure"), "long_name": f"elastic constants {what}"}
             data[name] = (("voigt_1", "voigt_2"), values, attrs)

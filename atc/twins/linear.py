@@ -13,7 +13,7 @@ from ..upscaling.coarsening import CoarsenedKernel, coarsen
 from ..upscaling.elasticity import elastic_constants
 from ..upscaling.force_constants import force_constants
 from ..upscaling.node_kernel import FRACTIONS, node_kernel, wave_constants
-from .material import hill
+from .material import TwinMaterial, hill, require_stable
 
 #: How far bonds may be from the crystal's, in parts of the nearest neighbours' distance; how far nodes' steps may be
 #: from the relaxed crystal's lattice vectors for its coarsening, in parts of the step.
@@ -21,7 +21,7 @@ _OFF, _STRAIN = 0.15, 0.02
 
 
 @dataclass
-class LinearTwin:
+class LinearTwin(TwinMaterial):
     """Harmonic crystal on the nodes (internal units).
 
     material : pd.Linear. C : ElasticConstants. bulk, shear : Hill averages
@@ -46,10 +46,6 @@ class LinearTwin:
     @property
     def coarsened(self) -> bool:
         return isinstance(self.kernel, CoarsenedKernel)
-
-    @property
-    def error(self) -> float:
-        return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())
 
     def lines(self, units) -> list[str]:
         """What it is, what it gets exactly and what not: for a person."""
@@ -90,9 +86,6 @@ class LinearTwin:
             f"frames, {f.temperature:.4g} {units.label('temperature')}, {len(f.k_kc)} waves, ω² within {rms:.2g} %",
             f"energy: {constants} {units.label('pressure')}, errors from {f.blocks} blocks",
         ]
-
-    def after(self, simulation) -> list[str]:
-        return []
 
 
 def linear(crystal, model, axes, made, atoms: bool) -> LinearTwin:
@@ -140,8 +133,7 @@ def _springs_of(crystal, model, axes):
     """Force constants and elastic constants of a relaxed crystal turned to its axes."""
     turned = crystal.strained(axes.T - np.eye(3))
     fc, C = force_constants(turned, model), elastic_constants(turned, model)
-    if not C.stable:
-        raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
+    require_stable(crystal, C.stable)
     return fc, C
 
 

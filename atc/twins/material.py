@@ -11,8 +11,35 @@ from ..errors import AtcError, AtcWarning
 from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants
 
 
+class TwinMaterial:
+    """What the materials of a twin have in common (internal units): `material` of `atc.pd`, `bulk`, `shear`,
+    and `lines(units)`: what it is, what it gets exactly and what not, for a person.
+
+    sampled_vv, wanted_vv : (6, 6) elastic constants of the nodes, and those that the material means to have
+    crystal_vv : those of the crystal along the body's axes
+    damage : what breaks bonds. temperature : the one that it knows. None where it has none.
+    """
+
+    sampled_vv = wanted_vv = crystal_vv = damage = temperature = None
+
+    @property
+    def error(self) -> float:
+        """The largest difference of the nodes' constants from the material's, relative to the largest constant."""
+        return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())
+
+    def after(self, simulation) -> list[str]:
+        """What a run showed, for a person."""
+        return []
+
+
+def require_stable(crystal, stable: bool) -> None:
+    """Raise unless every strain of a crystal costs energy."""
+    if not stable:
+        raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
+
+
 @dataclass
-class Isotropic:
+class Isotropic(TwinMaterial):
     """The isotropic solid of a crystal's Hill averages (internal units).
 
     material : PMB or LPS. bulk, shear : K and G. anisotropy : Zener's A = 2 C44/(C11 − C12). C : ElasticConstants
@@ -38,11 +65,6 @@ class Isotropic:
     strength: object = None
     given: bool = False
     horizon: float = np.nan
-
-    @property
-    def error(self) -> float:
-        """The largest difference of the nodes' constants from the material's, relative to the largest constant."""
-        return float(np.abs(self.sampled_vv - self.wanted_vv).max() / np.abs(self.wanted_vv).max())
 
     def lines(self, units) -> list[str]:
         """What it is, what it gets exactly and what not: for a person."""
@@ -107,10 +129,6 @@ class Isotropic:
         """The stress in uniaxial strain at which the longest stretched bonds break."""
         return float(self.damage.s00 * self.wanted_vv[0, 0])
 
-    def after(self, simulation) -> list[str]:
-        """What a run showed, for a person."""
-        return []
-
 
 def hill(C_vv) -> tuple[float, float]:
     """Hill's averages K, G of elastic constants in Voigt's notation: means of Voigt's and Reuss's."""
@@ -148,8 +166,7 @@ def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
     from ..upscaling.elasticity import elastic_constants
 
     C = elastic_constants(crystal, model)
-    if not C.stable:
-        raise AtcError(f"{crystal.name}: the crystal is unstable under this potential: check structure and potential")
+    require_stable(crystal, C.stable)
     plane = {}
     if crystal.dimension == 2:
         area, G = hill_in_plane(C.C_vv)

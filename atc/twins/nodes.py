@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..pd.voigt import tensor_of
 from .smoothing import Same
 
 
@@ -53,17 +54,6 @@ def add_nodes(data, units, made, md_tnc, pd_tnc, classical_tnc=None) -> None:
             )
 
 
-def tensor_of(C_vv) -> np.ndarray:
-    """(3, 3, 3, 3) C_ijkl of constants in Voigt's notation."""
-    from ..pd.voigt import VOIGT
-
-    C = np.empty((3, 3, 3, 3))
-    for a, (i, j) in enumerate(VOIGT):
-        for b, (k, l) in enumerate(VOIGT):
-            C[i, j, k, l] = C[j, i, k, l] = C[i, j, l, k] = C[j, i, l, k] = C_vv[a, b]
-    return C
-
-
 def classical_of(made, material, reference, frames, times, u_nc, acted: bool):
     """The classical waves from the run's first frame, or None where the body is not one whole periodic lattice that
     nothing holds or pushes."""
@@ -71,7 +61,7 @@ def classical_of(made, material, reference, frames, times, u_nc, acted: bool):
     counts = np.rint(np.linalg.norm(cell.vectors, axis=1) / np.linalg.norm(made.step_cc, axis=1)).astype(int)
     lattice = not isinstance(made.smoothing, Same) and len(made.body) == counts.prod()
     whole = cell.periodic.all() and lattice and len(frames) > 1
-    C = getattr(material, "crystal_vv", None)
+    C = material.crystal_vv
     if acted or not whole or C is None or any(f.cell != cell for f in frames):
         return None
     v_nc = made.smoothing.mean(frames[0].velocities)

@@ -220,8 +220,7 @@ def _twin(scene, tell, progress) -> Twin:
         if tell is not None:
             tell(line)
 
-    breaks = getattr(material, "damage", None) is not None
-    bonds = NearestBonds(reference, crystal, made.body.notches) if breaks else None
+    bonds = None if material.damage is None else NearestBonds(reference, crystal, made.body.notches)
     crack = crack_of(scene, get, made, reference, kernel, bonds, sim)
     md_damage, pd_damage, broken, tips, spent = [], [], [], [], []
     indenting, md_push, pd_push = indenters(script.forces), [], []
@@ -405,8 +404,8 @@ def _start(first, reference, made, material, conditions, forces, motion):
     if motion == "dynamic":
         first.require("velocities", why="the start of a dynamic twin")
         v = made.smoothing.mean(first.velocities)
-    damage = getattr(material, "damage", None)
-    sim = pd.Simulation(made.body, material.material, damage=damage, conditions=conditions, walls=forces, velocities=v)
+    options = {"damage": material.damage, "conditions": conditions, "walls": forces, "velocities": v}
+    sim = pd.Simulation(made.body, material.material, **options)
     # The cell first, which moves the nodes; then they go to where the atoms are.
     deform(sim, first.cell)
     sim._z[:, :3] = smoothed_displacement(first, reference, made.smoothing, X)
@@ -477,8 +476,8 @@ def _lines(units, reference, pot, made, material, held, motion, safety, sim, fra
         lines.append(f"stable step: {stable}; of no use in an equilibrium")
     lines.append(
         "left out: "
-        + ("" if getattr(material, "temperature", None) else "temperature (kinetic stress, expansion, softening), ")
-        + ("" if getattr(material, "damage", None) is not None else "fracture, ")
+        + ("" if material.temperature else "temperature (kinetic stress, expansion, softening), ")
+        + ("" if material.damage is not None else "fracture, ")
         + ("what surface stress does beside adding to it" if added else "surface stress")
     )
     size = np.abs(stress).max() / material.bulk

@@ -19,7 +19,7 @@ from ..frame import Cell
 from ..pd.materials.base import ForceModel, Material
 from ..upscaling.elasticity import elastic_constants
 from ..upscaling.force_constants import force_constants
-from .material import hill
+from .material import TwinMaterial, hill
 
 #: Rounds that inner displacements have to come to rest, what is rest, in nearest neighbours' distances, and how many
 #: rounds are remembered.
@@ -225,7 +225,7 @@ class SmoothedModel(ForceModel):
 
 
 @dataclass
-class SmoothedTwin:
+class SmoothedTwin(TwinMaterial):
     """The atoms' own potential on the nodes (internal units).
 
     material : Smoothed. C : ElasticConstants. bulk, shear : Hill averages
@@ -252,9 +252,6 @@ class SmoothedTwin:
             "not exact: waves shorter than a few distances of nodes, surfaces (nodes carry whole layers of atoms, "
             "whose basis does not rearrange)",
         ]
-
-    def after(self, simulation) -> list[str]:
-        return []
 
     def frame(self, simulation):
         """The atoms that the nodes carry now, and their potential: what fields are made of."""

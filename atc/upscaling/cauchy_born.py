@@ -11,7 +11,7 @@ from itertools import permutations, product
 import numpy as np
 
 from ..errors import AtcError
-from ..pd.voigt import VOIGT
+from ..pd.voigt import constants_of, from_voigt, tensor_of, to_voigt
 from .crystal import Crystal, evaluate, response
 from .deformed_crystals import DeformedCrystals
 
@@ -28,21 +28,12 @@ def strain_v(H_ncc) -> np.ndarray:
     """(n, 6) Green's strain of displacement gradients H = F − 1 in Voigt's order, shears doubled."""
     H = np.asarray(H_ncc, float)
     E = 0.5 * (H + H.swapaxes(-1, -2) + H.swapaxes(-1, -2) @ H)
-    return np.stack([E[..., i, j] * (1.0 if i == j else 2.0) for i, j in VOIGT], axis=-1)
-
-
-def tensor(v_nv, shears: float = 1.0) -> np.ndarray:
-    """(n, 3, 3) symmetric tensors of Voigt's components; `shears` multiplies those off the diagonal."""
-    v = np.asarray(v_nv, float)
-    out = np.empty((*v.shape[:-1], 3, 3))
-    for a, (i, j) in enumerate(VOIGT):
-        out[..., i, j] = out[..., j, i] = v[..., a] * (1.0 if i == j else shears)
-    return out
+    return to_voigt(E) * np.array([1.0, 1, 1, 2, 2, 2])
 
 
 def stretches(E_nv) -> np.ndarray:
     """(n, 3, 3) the symmetric U with U² = 1 + 2E; NaN where there is none."""
-    values, axes = np.linalg.eigh(np.eye(3) + 2 * tensor(E_nv, 0.5))
+    values, axes = np.linalg.eigh(np.eye(3) + 2 * from_voigt(E_nv, 0.5))
     with np.errstate(invalid="ignore"):
         return (axes * np.sqrt(values)[:, None, :]) @ axes.swapaxes(1, 2)
 
@@ -118,7 +109,7 @@ class CauchyBorn:
             alive[moving] = False
         inverse = np.linalg.inv(U)
         S = inverse @ virial @ inverse.swapaxes(1, 2) / self.crystal.volume
-        S = np.stack([S[:, i, j] for i, j in VOIGT], axis=1)
+        S = to_voigt(S)
         W = np.where(alive, (energy - self._rest) / self.crystal.volume, np.nan)
         u = np.where(alive[:, None], u, np.nan).reshape(n, m, 3)
         return W, np.where(alive[:, None], S, np.nan), u
@@ -282,7 +273,7 @@ class CrystalLaw:
         if self.warm is not None:
             w, s = self.warm(E)
             W, S = W + w, S + s
-        P = (np.eye(3) + H) @ tensor(S)
+        P = (np.eye(3) + H) @ from_voigt(S)
         return W, Q.T @ P @ Q
 
     def free_stretch(self) -> float:
@@ -319,11 +310,7 @@ def size_of(E_nv) -> np.ndarray:
 
 def turned(C_vv, Q) -> np.ndarray:
     """Elastic constants along axes in which the crystal's own are the rows of Q."""
-    C = np.empty((3, 3, 3, 3))
-    for (a, (i, j)), (b, (k, l)) in product(enumerate(VOIGT), repeat=2):
-        C[i, j, k, l] = C[j, i, k, l] = C[i, j, l, k] = C[j, i, l, k] = C_vv[a, b]
-    C = np.einsum("ai,bj,ck,dl,abcd->ijkl", Q, Q, Q, Q, C)
-    return np.array([[C[(*p, *q)] for q in VOIGT] for p in VOIGT])
+    return constants_of(np.einsum("ai,bj,ck,dl,abcd->ijkl", Q, Q, Q, Q, tensor_of(C_vv)))
 
 
 def _ball(n: int, reach: float) -> np.ndarray:

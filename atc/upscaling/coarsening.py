@@ -21,7 +21,7 @@ from itertools import combinations_with_replacement, product
 import numpy as np
 
 from ..errors import AtcError
-from ..pd.voigt import VOIGT
+from ..pd.voigt import VOIGT, from_voigt, to_voigt
 from .crystal import Crystal
 from .elasticity import ElasticConstants
 from .force_constants import ForceConstants, nearest_images, signed_root
@@ -183,29 +183,22 @@ def _correction(xi, S, all_xi, all_S, second_vv, fourth: bool) -> np.ndarray:
     if fourth:
         four = list(combinations_with_replacement(range(3), 4))
         rows.append(_monomials(xi, four))
-        wanted.append(_monomials(all_xi, four).T @ _voigt(all_S))
+        wanted.append(_monomials(all_xi, four).T @ to_voigt(all_S))
     # Orders in units of their own, so that ranks can be told.
     size = [np.abs(r).max() for r in rows]
     A = np.hstack([r / s for r, s in zip(rows, size)])
-    b = np.vstack([w / s for w, s in zip(wanted, size)]) - A.T @ _voigt(S)
+    b = np.vstack([w / s for w, s in zip(wanted, size)]) - A.T @ to_voigt(S)
     weight = (np.linalg.norm(xi, axis=1) / np.linalg.norm(xi, axis=1).min()) ** -2.0
     y = weight[:, None] * np.linalg.lstsq((A * weight[:, None]).T, b, rcond=1e-10)[0]
-    if np.abs(A.T @ y - b).max() > 1e-8 * max(np.abs(A.T @ _voigt(S)).max(), np.abs(b).max()):
+    if np.abs(A.T @ y - b).max() > 1e-8 * max(np.abs(A.T @ to_voigt(S)).max(), np.abs(b).max()):
         raise AtcError(
             f"the horizon reaches too few nodes for {'fourth' if fourth else 'second'} moments: take a larger one"
         )
-    out = np.empty((len(y), 3, 3))
-    for v, (i, j) in enumerate(VOIGT):
-        out[:, i, j] = out[:, j, i] = y[:, v]
-    return out
+    return from_voigt(y)
 
 
 def _monomials(xi, powers) -> np.ndarray:
     return np.stack([np.prod(xi[:, list(p)], axis=1) for p in powers], axis=1)
-
-
-def _voigt(S) -> np.ndarray:
-    return np.stack([S[:, i, j] for i, j in VOIGT], axis=1)
 
 
 def zone_errors(kernel, fc: ForceConstants, mesh: int = 17) -> np.ndarray:

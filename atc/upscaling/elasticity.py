@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import AtcError
-from ..pd.voigt import VOIGT
+from ..pd.voigt import tensor_of
 from .crystal import Crystal, response
 
 
@@ -33,11 +33,7 @@ class ElasticConstants:
     @property
     def tensor(self) -> np.ndarray:
         """(3, 3, 3, 3) C_ijkl."""
-        out = np.empty((3, 3, 3, 3))
-        for a, (i, j) in enumerate(VOIGT):
-            for b, (k, l) in enumerate(VOIGT):
-                out[i, j, k, l] = out[j, i, k, l] = out[i, j, l, k] = out[j, i, l, k] = self.C_vv[a, b]
-        return out
+        return tensor_of(self.C_vv)
 
     def to_user(self, what: str = "C_vv") -> np.ndarray:
         """In the user's pressure unit."""

@@ -16,7 +16,7 @@ from itertools import permutations, product
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from ..pd.voigt import VOIGT
+from ..pd.voigt import BASIS, of_springs
 from .crystal import Crystal
 from .elasticity import ElasticConstants
 from .force_constants import ForceConstants, nearest_images
@@ -26,7 +26,6 @@ from .vibrations import amplitudes, jackknife
 _LEAST = 10
 #: By how much (rms) the waves may differ in mean kinetic energy before the run counts as no equilibrium.
 _EQUAL = 0.25
-_BASIS = np.array([[[float({i, j} == {a, b}) for b in range(3)] for a in range(3)] for i, j in VOIGT])
 
 
 @dataclass
@@ -225,7 +224,7 @@ def patterns(R, group, shell) -> list[tuple[int, np.ndarray]]:
             orbit = np.unique(at)
             moved = [group[at == o] for o in orbit]
         found = []
-        for b in _BASIS:
+        for b in BASIS:
             x = np.zeros((len(R), 3, 3))
             for o, g in zip(orbit, moved):
                 x[o] = (g @ b @ g.transpose(0, 2, 1)).mean(axis=0)
@@ -255,6 +254,4 @@ def _springs(D_kcc, k_kc, R, weight, mass, allowed) -> np.ndarray:
 
 def long_waves(R, weight, S, volume) -> np.ndarray:
     """(6, 6) constants whose acoustic tensor is that of the springs (Born and Huang)."""
-    q = np.einsum("p,pik,pj,pl->ikjl", weight, S, R, R) / volume
-    C = np.einsum("ikjl->ijkl", q) + np.einsum("jkil->ijkl", q) - np.einsum("ijkl->ijkl", q)
-    return np.array([[C[(*p, *r)] for r in VOIGT] for p in VOIGT])
+    return of_springs(weight[:, None, None] * S, R) / volume

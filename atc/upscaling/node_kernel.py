@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError
-from ..pd.voigt import VOIGT
+from ..pd.voigt import BASIS, VOIGT, of_springs, to_voigt
 from .elasticity import ElasticConstants
 from .force_constants import ForceConstants, nearest_images, signed_root
 
@@ -23,8 +23,6 @@ from .force_constants import ForceConstants, nearest_images, signed_root
 _MESH, FRACTIONS, _SMALL = 8, (0.1, 0.25, 0.5, 0.75, 1.0), 1e-4
 #: Up to where nodes carry waves well, in parts of the nearest face of their zone.
 _CARRIED = 0.4
-#: The six symmetric matrices of Voigt's components.
-_BASIS = np.array([[[float({i, j} == {a, b}) for b in range(3)] for a in range(3)] for i, j in VOIGT])
 
 
 @dataclass
@@ -116,7 +114,7 @@ def fit_springs(fc, elastic, step, offsets, stiffness) -> np.ndarray:
     free = np.linalg.svd(xj)[0][:, 6:]
     edge = 0.5 * np.linalg.norm(reciprocal, axis=1).min()
     x = start + free @ _relative(wanted, k, 4 * np.sin(0.5 * k @ xi.T) ** 2 / mass, start, free, edge)
-    return (x @ _BASIS.reshape(6, 9)).reshape(-1, 3, 3)
+    return (x @ BASIS.reshape(6, 9)).reshape(-1, 3, 3)
 
 
 def wanted_moments(elastic: ElasticConstants, volume: float) -> np.ndarray:
@@ -127,12 +125,8 @@ def wanted_moments(elastic: ElasticConstants, volume: float) -> np.ndarray:
 
 
 def wave_constants(kernel) -> np.ndarray:
-    """(6, 6) the constants whose acoustic tensor C_ijkl k_j k_l is that of the springs: C_ijkl = [ik, jl] + [jk, il] −
-    [ij, kl] with V [ik, jl] = Σ ½ S_ik ξ_j ξ_l (Born and Huang)."""
-    xi = kernel.offsets_bc @ kernel.step_cc
-    q = 0.5 * np.einsum("bik,bj,bl->ikjl", kernel.springs_bcc, xi, xi) / kernel.volume
-    C = np.einsum("ikjl->ijkl", q) + np.einsum("jkil->ijkl", q) - np.einsum("ijkl->ijkl", q)
-    return np.array([[C[(*p, *r)] for r in VOIGT] for p in VOIGT])
+    """(6, 6) the constants whose acoustic tensor is that of the springs, each of which stands from both its ends."""
+    return 0.5 * of_springs(kernel.springs_bcc, kernel.offsets_bc @ kernel.step_cc) / kernel.volume
 
 
 def measure(made, fc, elastic, reciprocal):
@@ -172,9 +166,9 @@ def _relative(wanted, k, phase_kp, start_pv, free_pf, edge) -> np.ndarray:
     """(f, 6) the free part of the springs: least squares on L⁻¹(D − D_c)L⁻ᵀ, D_c = L Lᵀ the crystal's."""
     inverse = np.linalg.inv(np.linalg.cholesky(wanted))
     # What a unit of each of the six components makes of it; off the diagonal twice in the norm.
-    unit = np.stack([inverse @ b @ inverse.swapaxes(1, 2) for b in _BASIS], axis=1)
+    unit = np.stack([inverse @ b @ inverse.swapaxes(1, 2) for b in BASIS], axis=1)
     comp = np.array([1.0, 1, 1, 2**0.5, 2**0.5, 2**0.5])
-    T = np.stack([unit[:, :, i, j] for i, j in VOIGT], axis=1) * comp[None, :, None]
+    T = to_voigt(unit).swapaxes(1, 2) * comp[None, :, None]
     A = np.einsum("kf,kcv->kcfv", phase_kp @ free_pf, T).reshape(len(k) * 6, -1)
     one = np.array([1.0, 1, 1, 0, 0, 0])
     b = (one - np.einsum("kv,kcv->kc", phase_kp @ start_pv, T)).ravel()
