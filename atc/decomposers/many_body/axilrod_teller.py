@@ -11,15 +11,22 @@ from ...errors import AtcError
 from ...frame import Frame
 from ...units import Units
 from ...units import units as system
-from ..base import Term, Work
 from ..registry import pair_style
-from .neighbor_work import NeighborWork, made, room, shares
+from .neighbor_work import NeighborTerm, NeighborWork
 
 # Distances that are equal to the cutoff on paper (crystals) count, whatever their rounding.
 _HAIR = 1e-12
 
 
-class AxilrodTeller(Term):
+class _ATMWork(NeighborWork):
+    own = ("_bonds",)
+
+    def _bonds(self, task, acc):
+        term = self.term
+        return self.of_pairs(task, acc, _triple_dipoles, term.nu, term.cutoff**2, term.product2)
+
+
+class AxilrodTeller(NeighborTerm):
     """U = Σ_triples ν (1 + 3 cos γ1 cos γ2 cos γ3)/(d12 d13 d23)³ over triples with all d ≤ cutoff and d12 d13 d23 ≤
     cutoff_triple³.
 
@@ -38,6 +45,9 @@ class AxilrodTeller(Term):
     -----
     Source: Axilrod & Teller, J. Chem. Phys. 11, 299 (1943); Muto (1943).
     """
+
+    work = _ATMWork
+    word = "triple-dipole"
 
     def __init__(self, nu, cutoff: float, cutoff_triple: float, *, units: str | Units = "metal"):
         self.units = u = system(units)
@@ -66,7 +76,7 @@ class AxilrodTeller(Term):
     def describe(self) -> str:
         return "atm, triple energy shared a third to each of its atoms; one bond a pair"
 
-    def prepare(self, frame: Frame) -> Work:
+    def kinds(self, frame: Frame):
         if not self.uniform and len(frame):
             top, low = int(frame.types.max()), int(frame.types.min())
             if top >= len(self.nu) or low < 1:
@@ -74,25 +84,7 @@ class AxilrodTeller(Term):
                     f"{frame.source}: atoms of type {top if low >= 1 else low} but pair_style atm knows types 1 to "
                     f"{len(self.nu) - 1}: add a pair_coeff line"
                 )
-        return _ATMWork(self, frame)
-
-
-class _ATMWork(NeighborWork):
-    def __init__(self, term: AxilrodTeller, frame: Frame):
-        kind_n = np.zeros(len(frame), np.int32) if term.uniform else frame.types.astype(np.int32)
-        super().__init__(term, frame, "triple-dipole", kind_n)
-
-    @property
-    def own(self):
-        return (self._bonds,)
-
-    def _bonds(self, task, acc):
-        term = self.term
-        p0, p1 = self.pairs(task)
-        out = room(acc, p1 - p0)
-        m, energy = _triple_dipoles(p0, p1, self.lists, term.nu, term.cutoff**2, term.product2, out, shares(acc))
-        acc.energy += energy
-        return made(acc, out, m)
+        return np.zeros(len(frame), np.int32) if self.uniform else frame.types.astype(np.int32), None
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -169,7 +161,7 @@ def _triple_dipoles(p0, p1, near, nu, cut2, product2, out, energies):
             out_D[m, 1, 0], out_D[m, 1, 1], out_D[m, 1, 2] = sx / 3.0, sy / 3.0, sz / 3.0
             keep = keep or sx != 0.0 or sy != 0.0 or sz != 0.0 or tx != 0.0 or ty != 0.0 or tz != 0.0
         m += 1 if keep else 0
-    return m, total
+    return m, total, -1
 
 
 @pair_style("atm")

@@ -14,16 +14,48 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...frame import Frame
-from ..base import Term, Work
 from .elements import ElementMap
-from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborWork, made, room, shares
+from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborTerm, NeighborWork, made, room, shares
 from .stillinger_weber_kernels import sw_merge
 
 
-class Centred(Term):
+class CentredWork(NeighborWork):
+    """One frame: its neighbours, then chunks of centres."""
+
+    own = ("_centres", "_merge")
+
+    def joined(self, acc):
+        near = self.near
+        pairs = len(near.a)
+        self.G_p = np.zeros(pairs)
+        self.G_end = np.zeros((pairs, 2))
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
+        self.runs, self.most, self.room = near.runs(OUTER_PER_TASK)
+        self.room *= self.term.outer_per_pair
+        self.stages = (near.chunks, 1, len(self.runs) - 1, near.chunks)
+
+    def _centres(self, task, acc):
+        return self.of_runs(task, acc, self.term.centres, self.G_end, self.S_end, fill=np.zeros)
+
+    def _merge(self, task, acc):
+        near = self.near
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0, without=None)
+        energy, bad = self.term.pairs(p0, p1, self.lists, self.G_p, shares(acc))
+        if bad < 0:
+            odd = ~np.isfinite(self.G_p[p0:p1] + self.G_end[p0:p1].sum(axis=1))
+            bad = p0 + int(np.argmax(odd)) if odd.any() else -1
+        self.require_finite(bad)
+        acc.energy += energy
+        S_end = self.S_end if acc.sources else None
+        m = sw_merge(p0, p1, near.a, near.b, near.r_pc, self.G_p, self.G_end, S_end, near.atom, *out)
+        return made(acc, out, m)
+
+
+class Centred(NeighborTerm):
     """A term as the module says. Subclasses set `style`, `map` and `cutoff`."""
 
+    work = CentredWork
     bodies = 3
     style: str
     map: ElementMap
@@ -44,49 +76,3 @@ class Centred(Term):
         most : the most neighbours an atom has
         """
         raise NotImplementedError
-
-    def prepare(self, frame: Frame) -> Work:
-        return CentredWork(self, frame)
-
-
-class CentredWork(NeighborWork):
-    """One frame: its neighbours, then chunks of centres."""
-
-    def __init__(self, term: Centred, frame: Frame):
-        super().__init__(term, frame, term.style, *term.map.apply(frame))
-
-    @property
-    def own(self):
-        return self._centres, self._merge
-
-    def joined(self, acc):
-        near = self.near
-        pairs = len(near.a)
-        self.G_p = np.zeros(pairs)
-        self.G_end = np.zeros((pairs, 2))
-        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
-        self.edges, self.most, self.room = near.runs(OUTER_PER_TASK)
-        self.room *= self.term.outer_per_pair
-        self.stages = (near.chunks, 1, len(self.edges) - 1, near.chunks)
-
-    def _centres(self, task, acc):
-        out = room(acc, self.room, np.zeros)
-        m, energy = self.term.centres(
-            self.edges[task], self.edges[task + 1], self.most, self.lists, self.G_end, self.S_end, out, shares(acc)
-        )
-        acc.energy += energy
-        return made(acc, out, m)
-
-    def _merge(self, task, acc):
-        near = self.near
-        p0, p1 = self.pairs(task)
-        out = room(acc, p1 - p0, without=None)
-        energy, bad = self.term.pairs(p0, p1, self.lists, self.G_p, shares(acc))
-        if bad < 0:
-            odd = ~np.isfinite(self.G_p[p0:p1] + self.G_end[p0:p1].sum(axis=1))
-            bad = p0 + int(np.argmax(odd)) if odd.any() else -1
-        self.require_finite(bad)
-        acc.energy += energy
-        S_end = self.S_end if acc.sources else None
-        m = sw_merge(p0, p1, near.a, near.b, near.r_pc, self.G_p, self.G_end, S_end, near.atom, *out)
-        return made(acc, out, m)

@@ -6,18 +6,45 @@ import numpy as np
 
 from ...compiled import njit
 from ...errors import AtcError
-from ...frame import Frame
 from ...units import Units
 from ...units import units as system
-from ..base import Term, Work
 from .eam_file import EAMTables, read_setfl
 from .elements import ElementMap, mapped_style, require_known
 from .embedded_atom import _place, cubic, spline
-from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
+from .neighbor_work import OUTER_PER_TASK, NeighborTerm, NeighborWork, shares
 from .neighborhood import around, between_sharing_neighbors, share_half
 
 
-class ConcentrationEAM(Term):
+class _ConcentrationWork(NeighborWork):
+    own = ("_densities", "_weights", "_merge", "_outer")
+
+    def joined(self, acc):
+        n = len(self.near.atom)
+        self.rho, self.x, self.slope, self.X = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        self.grad = np.zeros((n if acc.sources else 0, 3))
+        self.runs, self.most, self.room = self.near.runs(OUTER_PER_TASK)
+        self.stages = (*self.stages[:-1], len(self.runs) - 1 if acc.sources else 0)
+
+    def _densities(self, task, acc):
+        t = self.term
+        functions, state = (t.F, t.rho, t.per_drho, t.per_dr), (self.rho, self.x, self.slope, self.grad)
+        acc.energy += _densities(*self.atoms(task), self.lists, *functions, *state, shares(acc))
+
+    def _weights(self, task, acc):
+        t = self.term
+        _weights(*self.atoms(task), self.lists, t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X)
+
+    def _merge(self, task, acc):
+        t = self.term
+        state = self.rho, self.x, self.slope, self.X, self.grad
+        return self.of_pairs(task, acc, _pairs, t.rho, t.zr, t.per_dr, t.h, t.two_sites, *state)
+
+    def _outer(self, task, acc):
+        t = self.term
+        return self.of_runs(task, acc, _outer, t.rho, t.zr, t.per_dr, t.h, t.two_sites, self.rho, self.x)
+
+
+class ConcentrationEAM(NeighborTerm):
     """U = Σ_i F_i(ρ_i) + Σ_{AA, BB pairs} φ(d) + Σ_{AB pairs} H_ij φ_AB(d), x_i = Σ_{j of B} ρ_j(d_ij)/ρ_i the
     concentration around i, H_ij = ½ [h(x_i) + h(x_j)] (one site), or h(½ (x_i + x_j)) (two sites), h a polynomial.
 
@@ -39,8 +66,10 @@ class ConcentrationEAM(Term):
     Mater. Sci. Eng. 17, 075005 (2009).
     """
 
+    work = _ConcentrationWork
     # A bond of i and j has X_j, which may have the concentrations of j's neighbours, which have their neighbours.
     depth = 3.0
+    word = "EAM"
 
     def __init__(self, tables: EAMTables, elements=None, *, units: str | Units = "metal", two_sites: bool = False):
         self.units = u = system(units)
@@ -72,50 +101,6 @@ class ConcentrationEAM(Term):
 
     def describe(self) -> str:
         return f"{self.style}{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each"
-
-    def prepare(self, frame: Frame) -> Work:
-        return _ConcentrationWork(self, frame)
-
-
-class _ConcentrationWork(NeighborWork):
-    def __init__(self, term: ConcentrationEAM, frame: Frame):
-        super().__init__(term, frame, "EAM", *term.map.apply(frame))
-
-    @property
-    def own(self):
-        return self._densities, self._weights, self._merge, self._outer
-
-    def joined(self, acc):
-        n = len(self.near.atom)
-        self.rho, self.x, self.slope, self.X = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-        self.grad = np.zeros((n if acc.sources else 0, 3))
-        self.runs, self.most, self.room = self.near.runs(OUTER_PER_TASK)
-        self.stages = (*self.stages[:-1], len(self.runs) - 1 if acc.sources else 0)
-
-    def _densities(self, task, acc):
-        t = self.term
-        functions, state = (t.F, t.rho, t.per_drho, t.per_dr), (self.rho, self.x, self.slope, self.grad)
-        acc.energy += _densities(*self.atoms(task), self.lists, *functions, *state, shares(acc))
-
-    def _weights(self, task, acc):
-        t = self.term
-        _weights(*self.atoms(task), self.lists, t.zr, t.per_dr, t.h, t.two_sites, self.x, self.X)
-
-    def _merge(self, task, acc):
-        t = self.term
-        p0, p1 = self.pairs(task)
-        out = room(acc, p1 - p0)
-        state = self.rho, self.x, self.slope, self.X, self.grad
-        m, energy, bad = _pairs(p0, p1, self.lists, t.rho, t.zr, t.per_dr, t.h, t.two_sites, *state, out, shares(acc))
-        self.require_finite(bad)
-        acc.energy += energy
-        return made(acc, out, m)
-
-    def _outer(self, task, acc):
-        t, out = self.term, room(acc, self.room)
-        runs = self.runs[task], self.runs[task + 1]
-        m = _outer(*runs, self.most, self.lists, t.rho, t.zr, t.per_dr, t.h, t.two_sites, self.rho, self.x, out)
-        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -245,7 +230,7 @@ def _pairs(p0, p1, near, rho_table, zr, per_dr, h, two_sites, rho, x, slope, X, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _outer(s0, s1, most, near, rho_table, zr, per_dr, h, two_sites, rho, x, out):
+def _outer(s0, s1, most, near, rho_table, zr, per_dr, h, two_sites, rho, x, out, energies):
     """Between neighbours e, f of an atom s: ∂U^(e)/∂x_f = ½ φ_es ∂H/∂x_s ∂x_s/∂x_f, and the same with e and f
     exchanged."""
     element = near[7]
@@ -267,7 +252,7 @@ def _outer(s0, s1, most, near, rho_table, zr, per_dr, h, two_sites, rho, x, out)
                 / (rho[s] * dist[e])
             )
         m = between_sharing_neighbors(k, near, who, arm, share, slope, out, m)
-    return m
+    return m, 0.0
 
 
 mapped_style("eam/cd", ending=".cdeam", read=ConcentrationEAM.from_file)

@@ -15,57 +15,17 @@ from ...bonds import Bonds
 from ...compiled import njit
 from ...errors import AtcError
 from ...frame import Frame
-from ..base import Term, Work
-from .neighbor_work import NeighborWork, room, shares
+from .neighbor_work import NeighborTerm, NeighborWork, room, shares
 
 #: Torques of a star above this, of what its edges bring, are not rounding.
 GUARD = 1e-9
-
-
-class Edges(Term):
-    """A term as the module says. Subclasses set `style` and `cutoff`, and `reference`: what the energies of single
-    atoms are relative to."""
-
-    central, edges = False, True
-    style: str
-    reference: str
-
-    @property
-    def attributes(self):
-        return {
-            "energy_path": "edges from neighbour to centre",
-            "energy_identity": "by construction: the energy of an atom depends on its own edges alone",
-            "precision": "float64",
-            "energy_reference": self.reference,
-        }
-
-    def map(self, frame: Frame):
-        """The `ElementMap` of a frame."""
-        raise NotImplementedError
-
-    def centres(self, work: EdgesWork, task: int, g_end, energies) -> float:
-        """The energy of the atoms of a chunk; into g_end[pair, side] the gradient of the energy of the atom at that
-        side by the vector from it to the other one.
-
-        energies : (n,) to add the energies of atoms to, or (0,)
-        """
-        raise NotImplementedError
-
-    def prepare(self, frame: Frame) -> Work:
-        return EdgesWork(self, frame)
 
 
 class EdgesWork(NeighborWork):
     """The stages of a term of edges on one frame."""
 
     again = 3
-
-    def __init__(self, term: Edges, frame: Frame):
-        super().__init__(term, frame, term.style, *term.map(frame).apply(frame))
-
-    @property
-    def own(self):
-        return self.centres, self.merged
+    own = ("centres", "merged")
 
     def joined(self, acc):
         self.g_end = np.zeros((len(self.near.a), 2, 3))
@@ -88,6 +48,40 @@ class EdgesWork(NeighborWork):
         F = np.empty((m, 3))
         self.require_finite(merge(p0, p1, self.lists, self.g_end, acc.sources, i, j, r, F, D))
         return Bonds(i[:m], j[:m], r[:m], np.full(m, np.nan), D if acc.sources else None, F)
+
+
+class Edges(NeighborTerm):
+    """A term as the module says. Subclasses set `style` and `cutoff`, and `reference`: what the energies of single
+    atoms are relative to."""
+
+    work = EdgesWork
+    central, edges = False, True
+    style: str
+    reference: str
+
+    @property
+    def attributes(self):
+        return {
+            "energy_path": "edges from neighbour to centre",
+            "energy_identity": "by construction: the energy of an atom depends on its own edges alone",
+            "precision": "float64",
+            "energy_reference": self.reference,
+        }
+
+    def kinds(self, frame: Frame):
+        return self.map(frame).apply(frame)
+
+    def map(self, frame: Frame):
+        """The `ElementMap` of a frame."""
+        raise NotImplementedError
+
+    def centres(self, work: EdgesWork, task: int, g_end, energies) -> float:
+        """The energy of the atoms of a chunk; into g_end[pair, side] the gradient of the energy of the atom at that
+        side by the vector from it to the other one.
+
+        energies : (n,) to add the energies of atoms to, or (0,)
+        """
+        raise NotImplementedError
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

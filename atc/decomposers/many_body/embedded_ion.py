@@ -10,14 +10,12 @@ import numpy as np
 
 from ...compiled import njit
 from ...errors import AtcError
-from ...frame import Frame
 from ...units import Units
 from ...units import units as system
-from ..base import Term, Work
 from ..registry import pair_style
 from .elements import ElementMap, not_as_wanted, of_each_type, whole_line
 from .embedded_atom import _place, cubic, spline
-from .neighbor_work import OUTER_PER_TASK, NeighborWork, made, room, shares
+from .neighbor_work import OUTER_PER_TASK, NeighborTerm, NeighborWork, shares
 from .neighborhood import around, between_sharing_neighbors, share_half
 from .parameter_file import LARGE, read_parameter_file, same_units
 
@@ -94,7 +92,32 @@ def _values(words, count, keys, at) -> list[float]:
     return values
 
 
-class EmbeddedIon(Term):
+class _EIMWork(NeighborWork):
+    own = ("_charges", "_potentials", "_merge", "_outer")
+
+    def joined(self, acc):
+        n, near = len(self.near.atom), self.near
+        self.q, self.sigma, self.grad = np.zeros(n), np.zeros(n), np.zeros((n if acc.sources else 0, 3))
+        self.runs, self.most, self.room = near.runs(OUTER_PER_TASK)
+        self.stages = (*self.stages[:-1], len(self.runs) - 1 if acc.sources else 0)
+
+    def _charges(self, task, acc):
+        _charges(*self.atoms(task), self.lists, self.term.eta, self.term.per_dr, self.q, self.grad)
+
+    def _potentials(self, task, acc):
+        t = self.term
+        acc.energy += _potentials(*self.atoms(task), self.lists, t.psi, t.per_dr, self.q, self.sigma, shares(acc))
+
+    def _merge(self, task, acc):
+        t = self.term
+        return self.of_pairs(task, acc, _pairs, t.phi, t.eta, t.psi, t.per_dr, self.q, self.sigma, self.grad)
+
+    def _outer(self, task, acc):
+        t = self.term
+        return self.of_runs(task, acc, _outer, t.eta, t.psi, t.per_dr, self.q)
+
+
+class EmbeddedIon(NeighborTerm):
     """U = Σ_pairs φ(d) + ½ Σ_i q_i σ_i, q_i = Σ_j η_ji(d), σ_i = Σ_j q_j ψ_ij(d).
 
     φ = E_b/(β − α) [β e^(−α x) − α e^(−β x)] f_c, x = (d − r_e)/r_e (p = 1), or with powers (r_e/d)^α, (r_e/d)^β (p =
@@ -120,7 +143,8 @@ class EmbeddedIon(Term):
     Source: Zhou & Doty, Phys. Rev. B 78, 224307 (2008).
     """
 
-    style = "eim"
+    work = _EIMWork
+    style, word = "eim", "EIM"
     # A bond of i and j has σ_j, which has the charges of j's neighbours, which have their neighbours.
     depth = 3.0
 
@@ -177,48 +201,6 @@ class EmbeddedIon(Term):
 
     def describe(self) -> str:
         return f"eim{self.map.describe()}, energy ½qσ to its own atom, pair energy shared half to each"
-
-    def prepare(self, frame: Frame) -> Work:
-        return _EIMWork(self, frame)
-
-
-class _EIMWork(NeighborWork):
-    def __init__(self, term: EmbeddedIon, frame: Frame):
-        super().__init__(term, frame, "EIM", *term.map.apply(frame))
-
-    @property
-    def own(self):
-        return self._charges, self._potentials, self._merge, self._outer
-
-    def joined(self, acc):
-        n, near = len(self.near.atom), self.near
-        self.q, self.sigma, self.grad = np.zeros(n), np.zeros(n), np.zeros((n if acc.sources else 0, 3))
-        self.runs, self.most, self.room = near.runs(OUTER_PER_TASK)
-        self.stages = (*self.stages[:-1], len(self.runs) - 1 if acc.sources else 0)
-
-    def _charges(self, task, acc):
-        _charges(*self.atoms(task), self.lists, self.term.eta, self.term.per_dr, self.q, self.grad)
-
-    def _potentials(self, task, acc):
-        t = self.term
-        acc.energy += _potentials(*self.atoms(task), self.lists, t.psi, t.per_dr, self.q, self.sigma, shares(acc))
-
-    def _merge(self, task, acc):
-        t = self.term
-        p0, p1 = self.pairs(task)
-        out = room(acc, p1 - p0)
-        m, energy, bad = _pairs(
-            p0, p1, self.lists, t.phi, t.eta, t.psi, t.per_dr, self.q, self.sigma, self.grad, out, shares(acc)
-        )
-        self.require_finite(bad)
-        acc.energy += energy
-        return made(acc, out, m)
-
-    def _outer(self, task, acc):
-        t, out = self.term, room(acc, self.room)
-        runs = self.runs[task], self.runs[task + 1]
-        m = _outer(*runs, self.most, self.lists, t.eta, t.psi, t.per_dr, self.q, out)
-        return made(acc, out, m)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -294,7 +276,7 @@ def _pairs(p0, p1, near, phi, eta, psi, per_dr, q, sigma, grad, out, energies):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _outer(s0, s1, most, near, eta, psi, per_dr, q, out):
+def _outer(s0, s1, most, near, eta, psi, per_dr, q, out, energies):
     """Between neighbours e, f of an atom s: ∂U^(e)/∂x_f = ½ q_e ψ_es ∂q_s/∂x_f, and the same with e and f exchanged."""
     element = near[7]
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
@@ -307,7 +289,7 @@ def _outer(s0, s1, most, near, eta, psi, per_dr, q, out):
             share[e] = 0.5 * q[who[e]] * _at(psi[ee, element[s]], dist[e], per_dr)[0]
             slope[e] = -_at(eta[element[s], ee], dist[e], per_dr)[1] / dist[e]
         m = between_sharing_neighbors(k, near, who, arm, share, slope, out, m)
-    return m
+    return m, 0.0
 
 
 @pair_style("eim", mapped=True)

@@ -12,9 +12,9 @@ import numpy as np
 from ...errors import AtcError
 from ...units import Units
 from ...units import units as system
-from ..base import Term
 from ..bonded.cluster import weights_of
 from .elements import ElementMap, named_elements
+from .neighbor_work import NeighborTerm
 from .parameter_file import read_entries
 
 
@@ -49,7 +49,7 @@ class Entry:
         return None
 
 
-class OfEntries(Term):
+class OfEntries(NeighborTerm):
     """A term of such numbers; subclasses set `style` and `entry`, and are made of entries, elements and `units`."""
 
     style: str

@@ -12,10 +12,9 @@ from ...errors import AtcError
 from ...frame import Frame
 from ...units import Units
 from ...units import units as system
-from ..base import Term, Work
 from ..registry import pair_style
 from .elements import whole_line
-from .neighbor_work import NeighborWork, made, room, shares
+from .neighbor_work import NeighborTerm, NeighborWork, shares
 from .parameter_file import Rows, read_parameter_file
 from .spline_meam import Spline, _spline, _stack
 
@@ -69,7 +68,22 @@ def read_local_density(path, where: str = "") -> list[LocalDensityPart]:
     return out
 
 
-class LocalDensity(Term):
+class _LocalDensityWork(NeighborWork):
+    own = ("_densities", "_merge")
+
+    def joined(self, acc):
+        self.slope = np.zeros((len(self.near.atom), len(self.term.F)))
+
+    def _densities(self, task, acc):
+        t = self.term
+        functions = t.central, t.counted, t.shape, t.F
+        acc.energy += _densities(*self.atoms(task), self.lists, *functions, self.slope, shares(acc))
+
+    def _merge(self, task, acc):
+        return self.of_pairs(task, acc, _bonds, self.term.counted, self.term.shape, self.slope)
+
+
+class LocalDensity(NeighborTerm):
     """U = Σ_k Σ_i a_k(type i) F_k(ρ_k,i), ρ_k,i = Σ_j b_k(type j) φ_k(d_ij), φ = 1 up to R1, 0 from R2 on, a cubic in
     d² between with level ends.
 
@@ -85,6 +99,9 @@ class LocalDensity(Term):
     -----
     Source: Sanyal & Shell, J. Chem. Phys. 145, 034109 (2016).
     """
+
+    work = _LocalDensityWork
+    word = "local-density"
 
     def __init__(self, parts: list[LocalDensityPart], *, units: str | Units = "real"):
         self.units = u = system(units)
@@ -110,38 +127,12 @@ class LocalDensity(Term):
     def describe(self) -> str:
         return f"local/density ({len(self.F)}), energy to the atom whose neighbours are counted"
 
-    def prepare(self, frame: Frame) -> Work:
-        return _LocalDensityWork(self, frame)
-
-
-class _LocalDensityWork(NeighborWork):
-    def __init__(self, term: LocalDensity, frame: Frame):
+    def kinds(self, frame: Frame):
         types = frame.types
         if len(types) and types.min() < 1:
             raise AtcError(f"{frame.source}: atom types must be 1 or larger, found {int(types.min())}")
         # Types that the file does not name take no part.
-        kind_n = np.where(types < term.central.shape[1], types, 0).astype(np.int32)
-        super().__init__(term, frame, "local-density", kind_n)
-
-    @property
-    def own(self):
-        return self._densities, self._merge
-
-    def joined(self, acc):
-        self.slope = np.zeros((len(self.near.atom), len(self.term.F)))
-
-    def _densities(self, task, acc):
-        term = self.term
-        acc.energy += _densities(
-            *self.atoms(task), self.lists, term.central, term.counted, term.shape, term.F, self.slope, shares(acc)
-        )
-
-    def _merge(self, task, acc):
-        term = self.term
-        p0, p1 = self.pairs(task)
-        out = room(acc, p1 - p0)
-        m = _bonds(p0, p1, self.lists, term.counted, term.shape, self.slope, out)
-        return made(acc, out, m)
+        return np.where(types < self.central.shape[1], types, 0).astype(np.int32), None
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -179,7 +170,7 @@ def _densities(s0, s1, near, central, counted, shape, F, slope, energies):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bonds(p0, p1, near, counted, shape, slope, out):
+def _bonds(p0, p1, near, counted, shape, slope, out, energies):
     _, _, _, a, b, r, d, kind, atom = near
     out_i, out_j, out_r, out_G, out_D = out
     sources = len(out_D) > 0
@@ -200,7 +191,7 @@ def _bonds(p0, p1, near, counted, shape, slope, out):
                 out_D[m, 0, c] = -at_i * r[p, c]
                 out_D[m, 1, c] = at_j * r[p, c]
         m += 1
-    return m
+    return m, 0.0, -1
 
 
 @pair_style("local/density")

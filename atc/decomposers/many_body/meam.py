@@ -4,21 +4,46 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...frame import Frame
 from ...units import Units
 from ...units import units as system
-from ..base import Term, Work
 from ..registry import pair_style
 from . import meam_reference
 from .elements import ElementMap, of_each_type, whole_line
 from .embedded_atom import spline
 from .meam_file import MEAMParameters, library_elements, read_meam
 from .meam_kernels import densities, merge, screenings
-from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborWork, made, room, shares
+from .neighbor_work import NO_S, OUTER_PER_TASK, NeighborTerm, NeighborWork
 from .parameter_file import read_parameter_file
 
 
-class MEAM(Term):
+class _MEAMWork(NeighborWork):
+    own = ("_screen", "_centres", "_merge")
+
+    def joined(self, acc):
+        near = self.near
+        pairs = len(near.a)
+        self.partial = np.zeros(near.chunks, np.int64)
+        self.S, self.dUdS, self.G_end = np.zeros(pairs), np.zeros((pairs, 2)), np.zeros((pairs, 2))
+        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
+        self.runs, self.most, self.room = near.runs(OUTER_PER_TASK)
+        self.stages = (near.chunks, 1, near.chunks, len(self.runs) - 1, near.chunks)
+
+    def _screen(self, task, acc):
+        term = self.term
+        self.partial[task] = screenings(*self.pairs(task), self.lists, term.ending[0], term.screen, self.S)
+
+    def _centres(self, task, acc):
+        term, ends = self.term, (self.G_end, self.S_end, self.dUdS)
+        law = term.ending, self.S, term.of_element, *term.choices
+        return self.of_runs(task, acc, densities, *law, ends, fill=np.zeros)
+
+    def _merge(self, task, acc):
+        term, ends = self.term, (self.G_end, self.S_end, self.dUdS)
+        law = term.ending, term.screen, (term.phi, term.per_dr), self.S
+        return self.of_pairs(task, acc, merge, *law, ends, more=2 * int(self.partial[task]))
+
+
+class MEAM(NeighborTerm):
     """U = Σ_i F_i(ρ̄_i) + Σ_pairs S_ij f_c φ_ij(d_ij), F = A E_c ρ̄ ln ρ̄, ρ̄ = ρ0 G(Γ)/ρ_bkgd, Γ = Σ_k t̄_k R_k/ρ0²,
     ρ0 = Σ_j p0_j, p_k,j = S_ij f_c ρ_k(d_ij), R_1 = Σ_jk p1 p1 cos θ_jk, R_2 = Σ_jk p2 p2 (cos² θ_jk − 1/3), R_3 = Σ_jk
     p3 p3 (cos³ θ_jk − 3/5 cos θ_jk), ρ_k = ρ0 exp(−β_k (d/r_e − 1)).
@@ -47,7 +72,8 @@ class MEAM(Term):
     Files: `from_files`.
     """
 
-    style = "meam"
+    work = _MEAMWork
+    style, word = "meam", "MEAM"
     bodies = 3
 
     def __init__(self, parameters: MEAMParameters, elements=None, *, units: str | Units = "metal"):
@@ -88,50 +114,6 @@ class MEAM(Term):
             f"meam{self.map.describe()}, embedding energy to its own atom, pair energy shared half to each; bonds to "
             "screening atoms and outer bonds apart"
         )
-
-    def prepare(self, frame: Frame) -> Work:
-        return _MEAMWork(self, frame)
-
-
-class _MEAMWork(NeighborWork):
-    def __init__(self, term: MEAM, frame: Frame):
-        super().__init__(term, frame, "MEAM", *term.map.apply(frame))
-        self.partial = np.zeros(self.near.chunks, np.int64)
-
-    @property
-    def own(self):
-        return self._screen, self._centres, self._merge
-
-    def joined(self, acc):
-        near = self.near
-        pairs = len(near.a)
-        self.S, self.dUdS, self.G_end = np.zeros(pairs), np.zeros((pairs, 2)), np.zeros((pairs, 2))
-        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
-        self.edges, self.most, self.room = near.runs(OUTER_PER_TASK)
-        self.stages = (near.chunks, 1, near.chunks, len(self.edges) - 1, near.chunks)
-
-    def _screen(self, task, acc):
-        term = self.term
-        self.partial[task] = screenings(*self.pairs(task), self.lists, term.ending[0], term.screen, self.S)
-
-    def _centres(self, task, acc):
-        term = self.term
-        out = room(acc, self.room, np.zeros)
-        atoms = self.edges[task], self.edges[task + 1], self.most, self.lists
-        ends = self.G_end, self.S_end, self.dUdS
-        m, energy = densities(*atoms, term.ending, self.S, term.of_element, *term.choices, ends, out, shares(acc))
-        acc.energy += energy
-        return made(acc, out, m)
-
-    def _merge(self, task, acc):
-        term = self.term
-        p0, p1 = self.pairs(task)
-        out = room(acc, p1 - p0 + 2 * int(self.partial[task]))
-        ends, phi = (self.G_end, self.S_end, self.dUdS), (term.phi, term.per_dr)
-        m, energy, bad = merge(p0, p1, self.lists, term.ending, term.screen, phi, self.S, ends, out, shares(acc))
-        self.require_finite(bad)
-        acc.energy += energy
-        return made(acc, out, m)
 
 
 # meam/c is what older versions of LAMMPS call it.

@@ -44,29 +44,43 @@ def made(acc: Accumulator, out: tuple, m: int) -> Bonds:
     return Bonds(i[:m], j[:m], r[:m], G[:m], D[:m] if acc.sources else None)
 
 
+class NeighborTerm(Term):
+    """A term of the neighbourhoods of atoms."""
+
+    #: what does it on a frame
+    work: type[Work]
+    style: str
+
+    @property
+    def word(self) -> str:
+        """What messages call the force."""
+        return self.style
+
+    def kinds(self, frame: Frame) -> tuple:
+        """What atoms are to the potential, and which take part (None: all), see `ElementMap.apply`."""
+        return self.map.apply(frame)
+
+    def prepare(self, frame: Frame) -> Work:
+        return self.work(self, frame)
+
+
 class NeighborWork(Work):
     """The stages named above; a subclass says its own in `own`, and in `joined` what they need.
-
-    Parameters
-    ----------
-    word : what messages call the force
-    kind_n, who : what atoms are to the potential, and which take part (None: all), see `ElementMap.apply`
 
     Attributes
     ----------
     near : Neighborhood. element : (atoms,) what they are, in its order
     """
 
-    def __init__(self, term: Term, frame: Frame, word: str, kind_n, who=None):
-        self.term, self.frame, self.word = term, frame, word
-        self.near = near = Neighborhood(frame, who, term.cutoff, word)
+    #: the methods (task, acc) -> Bonds or None of each further stage
+    own: tuple[str, ...]
+
+    def __init__(self, term: NeighborTerm, frame: Frame):
+        self.term, self.frame = term, frame
+        kind_n, who = term.kinds(frame)
+        self.near = near = Neighborhood(frame, who, term.cutoff, term.word)
         self.element = kind_n[near.atom]
         self.stages = (near.chunks, 1, *[near.chunks] * len(self.own))
-
-    @property
-    def own(self) -> tuple[Callable, ...]:
-        """(task, acc) -> Bonds or None of each further stage."""
-        raise NotImplementedError
 
     def joined(self, acc: Accumulator) -> None:
         """Once, when all pairs are known."""
@@ -77,7 +91,7 @@ class NeighborWork(Work):
         if stage == 1:
             self.near.join()
             return self.joined(acc)
-        return self.own[stage - 2](task, acc)
+        return getattr(self, self.own[stage - 2])(task, acc)
 
     @property
     def lists(self) -> tuple:
@@ -98,7 +112,25 @@ class NeighborWork(Work):
         """Raise AtcError for pair number `bad`, if it is one."""
         if bad >= 0:
             near = self.near
-            raise impossible(self.frame, near.atom[near.a[bad]], near.atom[near.b[bad]], near.d_p[bad], self.word)
+            raise impossible(self.frame, near.atom[near.a[bad]], near.atom[near.b[bad]], near.d_p[bad], self.term.word)
+
+    def of_pairs(self, task: int, acc: Accumulator, kernel: Callable, *args, more: int = 0) -> Bonds:
+        """The bonds of a chunk's pairs, and `more`, by ``kernel(p0, p1, lists, *args, out, energies)``: how many, their
+        energy, and the first pair that is not finite (−1: none)."""
+        p0, p1 = self.pairs(task)
+        out = room(acc, p1 - p0 + more)
+        m, energy, bad = kernel(p0, p1, self.lists, *args, out, shares(acc))
+        self.require_finite(bad)
+        acc.energy += energy
+        return made(acc, out, m)
+
+    def of_runs(self, task: int, acc: Accumulator, kernel: Callable, *args, fill: Callable = np.empty) -> Bonds:
+        """The outer bonds of a run of atoms, by ``kernel(s0, s1, most, lists, *args, out, energies)``: how many, and
+        the energy."""
+        out = room(acc, self.room, fill)
+        m, energy = kernel(*self.runs[task : task + 2], self.most, self.lists, *args, out, shares(acc))
+        acc.energy += energy
+        return made(acc, out, m)
 
 
 class TripletWork(Work):
@@ -109,8 +141,9 @@ class TripletWork(Work):
     called by their place, see `by_place`: `atom` are the frame's indices, `element` what they are.
     """
 
-    def __init__(self, term: Term, frame: Frame, word: str, element_n, who=None):
-        self.term, self.frame, self.word = term, frame, word
+    def __init__(self, term: NeighborTerm, frame: Frame):
+        self.term, self.frame = term, frame
+        element_n, who = term.kinds(frame)
         self.list, self.atom = by_place(frame, who, term.cutoff)
         self.element = element_n[self.atom]
         self.parts: list = [None] * self.list.n_chunks
@@ -125,7 +158,7 @@ class TripletWork(Work):
     def require_finite(self, bad: int, ws) -> None:
         """Raise AtcError for pair number `bad` of a workspace, if it is one."""
         if bad >= 0:
-            raise impossible(self.frame, self.atom[ws.i[bad]], self.atom[ws.j[bad]], ws.d2[bad] ** 0.5, self.word)
+            raise impossible(self.frame, self.atom[ws.i[bad]], self.atom[ws.j[bad]], ws.d2[bad] ** 0.5, self.term.word)
 
     def joined(self, task, acc):
         """All pairs in one list, and the runs of centres that tasks do."""

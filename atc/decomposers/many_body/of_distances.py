@@ -273,6 +273,19 @@ class ManyBody(ClusterTerm):
     def prepare(self, frame: Frame) -> Work:
         return _TupleWork(self, frame) if self.reach else super().prepare(frame)
 
+    @property
+    def word(self) -> str:
+        return self.name
+
+    def kinds(self, frame: Frame):
+        """Which place of a tuple each atom may have, and those that may have any."""
+        allowed = np.ones((len(frame), self.bodies), bool)
+        for slot, t in enumerate(self.types):
+            if t is not None:
+                allowed[:, slot] = np.isin(frame.types, list(t))
+        who = np.flatnonzero(allowed.any(axis=1)).astype(np.int32)
+        return allowed, None if len(who) == len(frame) else who
+
 
 def _batch_of(energy, gradient, n: int):
     """The loop over terms around the user's own two functions."""
@@ -306,17 +319,7 @@ def _arguments(x, xi, factor, Q):
 class _TupleWork(NeighborWork):
     """Tuples from a neighbour list: pairs, or a centre with two of its neighbours."""
 
-    def __init__(self, term: ManyBody, frame: Frame):
-        allowed = np.ones((len(frame), term.bodies), bool)
-        for slot, t in enumerate(term.types):
-            if t is not None:
-                allowed[:, slot] = np.isin(frame.types, list(t))
-        who = np.flatnonzero(allowed.any(axis=1)).astype(np.int32)
-        super().__init__(term, frame, term.name, allowed, None if len(who) == len(frame) else who)
-
-    @property
-    def own(self):
-        return (self._tuples,)
+    own = ("_tuples",)
 
     def joined(self, acc):
         # How many tuples there are, and so how many tasks, is known once the pairs are.
@@ -339,11 +342,7 @@ class _TupleWork(NeighborWork):
         U, G = np.empty(m), np.empty((m, k * (k - 1) // 2))
         bad = term.evaluate(x, None, U, G, acc)
         if bad >= 0:
-            names = ", ".join(str(i) for i in self.frame.ids[atoms[bad]])
-            raise AtcError(
-                f"{self.frame.source}: {term.name} of the atoms {names} has no finite energy and forces: are two of "
-                "them at the same place?"
-            )
+            raise AtcError(f"{self.frame.source}: {term.complaint(self.frame, atoms[bad], 0, x[bad])}")
         acc.energy += float(U.sum())
         out = room(acc, G.size)
         n = cluster_bonds(atoms, x, U, G, term.weights, *out, shares(acc))

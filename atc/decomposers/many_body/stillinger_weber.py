@@ -23,7 +23,7 @@ from ...errors import AtcError
 from ...frame import Frame
 from ...units import Units
 from ...units import units as system
-from ..base import Work, two_body_sources
+from ..base import two_body_sources
 from ..registry import pair_style
 from .elements import mapped_line, named_elements
 from .entries import OfTriplets
@@ -32,6 +32,30 @@ from .parameter_file import read_entries
 from .stillinger_weber_file import SWEntry
 from .stillinger_weber_kernels import SQUARE, SWITCHED, sw_pairs
 from .twin_entries import agree
+
+
+class _SWWork(TripletWork):
+    def __init__(self, term: StillingerWeber, frame: Frame):
+        super().__init__(term, frame)
+        if not term.threebody:
+            self.stages = self.stages[:1]
+
+    def pairs(self, task, acc):
+        ws, term = acc.ws, self.term
+        n = self.list.half(task, ws)
+        rec = np.empty((n, 8))
+        m, energy, bad = sw_pairs(
+            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, shares(acc)
+        )
+        self.require_finite(bad, ws)
+        acc.energy += energy
+        if term.threebody:
+            self.parts[task] = ws.i[:m].copy(), ws.j[:m].copy(), rec[:m], ws.G[:m].copy()
+            return None
+        bonds = Bonds(self.atom[ws.i[:m]], self.atom[ws.j[:m]], np.ascontiguousarray(rec[:m, :3]), ws.G[:m])
+        if acc.sources:
+            bonds.D_bdc = two_body_sources(bonds)
+        return bonds
 
 
 class StillingerWeber(OfTriplets):
@@ -70,9 +94,10 @@ class StillingerWeber(OfTriplets):
     4.0.150-4.0.155 corrected.
     """
 
+    work = _SWWork
     part_name = "sw"
     #: The style's name, the angular function, and its numbers besides cos θ0.
-    style = "sw"
+    style, word = "sw", "Stillinger-Weber"
     entry = SWEntry
     angular = SQUARE
     deltas = (0.0, 0.0)
@@ -222,9 +247,6 @@ class StillingerWeber(OfTriplets):
             "outer b-c bonds apart"
         )
 
-    def prepare(self, frame: Frame) -> Work:
-        return _SWWork(self, frame)
-
 
 def _list_cutoff(e: SWEntry, sigma: float) -> float:
     """The distance from which on LAMMPS leaves a pair out: aσ, or less by what makes exp(σ/(d − aσ)) smaller than
@@ -233,30 +255,6 @@ def _list_cutoff(e: SWEntry, sigma: float) -> float:
     if e.tol > 0:
         cut += (e.gamma if e.gamma < 1.0 else 1.0) * sigma / np.log(min(e.tol, 0.01))
     return cut
-
-
-class _SWWork(TripletWork):
-    def __init__(self, term: StillingerWeber, frame: Frame):
-        super().__init__(term, frame, "Stillinger-Weber", *term.map.apply(frame))
-        if not term.threebody:
-            self.stages = self.stages[:1]
-
-    def pairs(self, task, acc):
-        ws, term = acc.ws, self.term
-        n = self.list.half(task, ws)
-        rec = np.empty((n, 8))
-        m, energy, bad = sw_pairs(
-            ws.i, ws.j, ws.r, ws.d2, n, self.element, term.pair, term.same_ends, self.atom, rec, ws.G, shares(acc)
-        )
-        self.require_finite(bad, ws)
-        acc.energy += energy
-        if term.threebody:
-            self.parts[task] = ws.i[:m].copy(), ws.j[:m].copy(), rec[:m], ws.G[:m].copy()
-            return None
-        bonds = Bonds(self.atom[ws.i[:m]], self.atom[ws.j[:m]], np.ascontiguousarray(rec[:m, :3]), ws.G[:m])
-        if acc.sources:
-            bonds.D_bdc = two_body_sources(bonds)
-        return bonds
 
 
 class StillingerWeberMod(StillingerWeber):

@@ -13,16 +13,14 @@ from types import MappingProxyType
 import numpy as np
 
 from ...errors import AtcError
-from ...frame import Frame
 from ...units import Units
-from ..base import Work
 from ..bonded.cluster import weights_of
 from ..registry import pair_style
+from .centred import Centred
 from .elements import mapped_line
 from .entries import OfEntries
-from .neighbor_work import NO_S, NeighborWork, made, room, shares
 from .tersoff_file import TersoffEntry
-from .tersoff_kernels import SINE, TERSOFF, bond_orders, merge
+from .tersoff_kernels import SINE, TERSOFF, bond_orders, repulsions
 from .twin_entries import agree
 
 #: Columns of the tables of pairs and of triplets, and those of a pair's repulsion that only some variants have.
@@ -41,7 +39,7 @@ def _row(width, *values) -> np.ndarray:
     return out
 
 
-class Tersoff(OfEntries):
+class Tersoff(Centred, OfEntries):
     """U = Σ_pairs f_C A exp(−λ1 d) − ½ Σ_{i≠j} f_C b_ij B exp(−λ2 d), b = (1 + βⁿ ζⁿ)^(−1/2n), ζ_ij = Σ_k f_C(d_ik)
     g(cos θ) exp[λ3^m (d_ij − d_ik)^m], g = γ [1 + c²/d² − c²/(d² + (cos θ0 − cos θ)²)], f_C = 1 below R − D, 0 above R
     + D, ½ − ½ sin(π (r − R)/2D) between.
@@ -72,8 +70,7 @@ class Tersoff(OfEntries):
     partitions = MappingProxyType({"equal": "pair", "center": "center"})
     #: What a variant of the family changes: its name, the entries of its files, and the kernels' choice of cutoff,
     #: angular function and b(ζ).
-    style = "tersoff"
-    bodies = 3
+    style, word = "tersoff", "Tersoff"
     entry = TersoffEntry
     form = (SINE, TERSOFF, TERSOFF)
 
@@ -165,44 +162,11 @@ class Tersoff(OfEntries):
             "outer j-k bonds apart"
         )
 
-    def prepare(self, frame: Frame) -> Work:
-        return _TersoffWork(self, frame)
+    def pairs(self, p0, p1, near, G_p, energies):
+        return repulsions(self.form[0], self.shift, p0, p1, near, self.repulsion, G_p, energies)
 
-
-class _TersoffWork(NeighborWork):
-    def __init__(self, term: Tersoff, frame: Frame):
-        super().__init__(term, frame, "Tersoff", *term.map.apply(frame))
-
-    @property
-    def own(self):
-        return self._centres, self._merge
-
-    def joined(self, acc):
-        pairs = len(self.near.a)
-        self.G_end = np.zeros((pairs, 2))
-        # Slot (pair, end): what the bonds around that end give, ∂U^(centre)/∂x_other and ∂U^(other)/∂x_centre.
-        self.S_end = np.zeros((pairs, 2, 2, 3)) if acc.sources else NO_S
-
-    def _centres(self, task, acc):
-        term = self.term
-        most, count = self.near.most(task)
-        out = room(acc, count)
-        numbers, ends = (term.two, term.three, term.weights), (self.G_end, self.S_end)
-        atoms = *self.atoms(task), most, self.lists
-        m, energy = bond_orders(term.form, term.shift, *atoms, *numbers, *ends, out, shares(acc))
-        acc.energy += energy
-        return made(acc, out, m)
-
-    def _merge(self, task, acc):
-        term = self.term
-        p0, p1 = self.pairs(task)
-        out = room(acc, p1 - p0)
-        m, energy, bad = merge(
-            term.form, term.shift, p0, p1, self.lists, term.repulsion, self.G_end, self.S_end, out, shares(acc)
-        )
-        self.require_finite(bad)
-        acc.energy += energy
-        return made(acc, out, m)
+    def centres(self, s0, s1, most, near, *out):
+        return bond_orders(self.form, self.shift, s0, s1, most, near, self.two, self.three, self.weights, *out)
 
 
 def bond_order_style(inp, kind, ending):

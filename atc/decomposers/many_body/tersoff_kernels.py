@@ -108,7 +108,7 @@ def bond_orders(form, shift, s0, s1, most, near, two, three, weights, G_end, S_e
     """V_ij of the bonds of the atoms s0..s1 and its derivatives: arms into the slots, outer distances to the out
     arrays."""
     start, pair, end, _, _, _, _, element, atom = near
-    sources = len(out[4]) > 0
+    sources = len(S_end) > 0
     shared = len(energies) > 0
     cut_kind, angular, order_kind = form
     w_i, w_j = weights[0], weights[1]
@@ -218,19 +218,15 @@ def bond_orders(form, shift, s0, s1, most, near, two, three, weights, G_end, S_e
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge(form, shift, p0, p1, near, repulsion, G_end, S_end, out, energies):
-    """One bond a pair: repulsion and what both ends' bond orders give. Returns their number, the repulsive energy, the
-    first bad pair (−1)."""
-    _, _, _, a, b, r, d, element, atom = near
-    out_i, out_j, out_r, out_G, out_D = out
-    sources = len(out_D) > 0
+def repulsions(cut_kind, shift, p0, p1, near, repulsion, G, energies):
+    """G of the repulsion of the pairs p0..p1, and of the core. Returns their energy, and the first pair that is not
+    finite (−1: none)."""
+    _, _, _, a, b, _, d, element, atom = near
     total = 0.0
-    m = 0
     for p in range(p0, p1):
-        i, j = a[p], b[p]
-        par = repulsion[element[i], element[j]]
+        par = repulsion[element[a[p]], element[b[p]]]
         rp = d[p] + shift
-        fc, dfc = _cutoff(form[0], rp, par[0], par[1])
+        fc, dfc = _cutoff(cut_kind, rp, par[0], par[1])
         e = par[2] * np.exp(-par[3] * rp)
         u = (e + par[4]) * fc
         du = (e + par[4]) * dfc - par[3] * e * fc
@@ -239,19 +235,9 @@ def merge(form, shift, p0, p1, near, repulsion, G_end, S_end, out, energies):
             far, dfar = _fermi(rp, par[7], par[8])
             core, dcore = _universal(rp, par[5], par[6])
             u, du = far * u + (1.0 - far) * core, far * du + dfar * (u - core) + (1.0 - far) * dcore
-        own = du / d[p]
-        g = own + G_end[p, 0] + G_end[p, 1]
-        if not np.isfinite(g + u):
-            return 0, 0.0, p
+        G[p] = du / d[p]
+        if not np.isfinite(G[p] + u):
+            return 0.0, p
         total += u
-        share_half(energies, atom[i], atom[j], u)
-        keep = g != 0.0
-        out_i[m], out_j[m], out_G[m] = atom[i], atom[j], g
-        for c in range(3):
-            out_r[m, c] = r[p, c]
-            if sources:
-                out_D[m, 0, c] = -0.5 * own * r[p, c] + S_end[p, 0, 0, c] + S_end[p, 1, 1, c]
-                out_D[m, 1, c] = 0.5 * own * r[p, c] + S_end[p, 0, 1, c] + S_end[p, 1, 0, c]
-                keep = keep or out_D[m, 0, c] != 0.0 or out_D[m, 1, c] != 0.0
-        m += 1 if keep else 0
-    return m, total, -1
+        share_half(energies, atom[a[p]], atom[b[p]], u)
+    return total, -1

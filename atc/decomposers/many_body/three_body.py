@@ -14,9 +14,7 @@ import numpy as np
 from ...bonds import Bonds
 from ...compiled import njit
 from ...errors import AtcError
-from ...frame import Frame
 from ...units import Units
-from ..base import Work
 from ..registry import pair_style
 from .elements import mapped_line, mapped_style
 from .entries import Entry, OfTriplets
@@ -26,6 +24,24 @@ from .stillinger_weber_kernels import HARMONIC, SATURATED
 
 # Which function of the distance an arm has in triplets: exp(γ/(d − r0)), 1, exp(−d/ρ); all 0 at and beyond r0.
 _EXPONENTIAL, _PLAIN, _SCREENED = 0, 1, 2
+
+
+class _ThreeBodyWork(TripletWork):
+    """Pairs within U2's reach only become bonds at once; those within an arm's are kept for the triplets and become
+    bonds in the end."""
+
+    def pairs(self, task, acc):
+        ws, term = acc.ws, self.term
+        n = self.list.half(task, ws)
+        D = np.empty((n, 2, 3)) if acc.sources else None
+        keep_i, keep_j, rec, G = np.empty(n, np.int32), np.empty(n, np.int32), np.empty((n, 8)), np.empty(n)
+        pairs, kept = (ws.i, ws.j, ws.r, ws.d2), (keep_i, keep_j, rec, G)
+        law = term.table, term.grid, term.pair, term.arms, term.arm
+        m, k, energy, bad = _pairs(pairs, n, self.element, *law, self.atom, kept, ws.G, D, shares(acc))
+        self.require_finite(bad, ws)
+        acc.energy += energy
+        self.parts[task] = keep_i[:k].copy(), keep_j[:k].copy(), rec[:k].copy(), G[:k].copy()
+        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
 
 class ThreeBody(OfTriplets):
@@ -40,6 +56,7 @@ class ThreeBody(OfTriplets):
     θ0, a number of A).
     """
 
+    work = _ThreeBodyWork
     bodies = 3
     prune = 0.0
     angular: int
@@ -96,9 +113,6 @@ class ThreeBody(OfTriplets):
             "b-c bonds apart"
         )
 
-    def prepare(self, frame: Frame) -> Work:
-        return _ThreeBodyWork(self, frame)
-
     def pair_row(self, e):
         return np.zeros(11)
 
@@ -107,27 +121,6 @@ class ThreeBody(OfTriplets):
 
     def triplet_row(self, e):
         raise NotImplementedError
-
-
-class _ThreeBodyWork(TripletWork):
-    """Pairs within U2's reach only become bonds at once; those within an arm's are kept for the triplets and become
-    bonds in the end."""
-
-    def __init__(self, term: ThreeBody, frame: Frame):
-        super().__init__(term, frame, term.style, *term.map.apply(frame))
-
-    def pairs(self, task, acc):
-        ws, term = acc.ws, self.term
-        n = self.list.half(task, ws)
-        D = np.empty((n, 2, 3)) if acc.sources else None
-        keep_i, keep_j, rec, G = np.empty(n, np.int32), np.empty(n, np.int32), np.empty((n, 8)), np.empty(n)
-        pairs, kept = (ws.i, ws.j, ws.r, ws.d2), (keep_i, keep_j, rec, G)
-        law = term.table, term.grid, term.pair, term.arms, term.arm
-        m, k, energy, bad = _pairs(pairs, n, self.element, *law, self.atom, kept, ws.G, D, shares(acc))
-        self.require_finite(bad, ws)
-        acc.energy += energy
-        self.parts[task] = keep_i[:k].copy(), keep_j[:k].copy(), rec[:k].copy(), G[:k].copy()
-        return Bonds(ws.i[:m], ws.j[:m], ws.r[:m], ws.G[:m], None if D is None else D[:m])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
