@@ -79,13 +79,8 @@ class Chain(Trajectory):
                 self._open.move_to_end(p)
                 return self._open[p]
             topology, units, masses = self._given
-            part = self._read(
-                self.paths[p],
-                self._data or topology,
-                units or (self.units.name if p else None),
-                masses,
-                atom_style=self._atom_style,
-            )
+            units = units or (self.units.name if p else None)
+            part = self._read(self.paths[p], self._data or topology, units, masses, atom_style=self._atom_style)
             if p and part.units.name != self.units.name:
                 raise AtcError(
                     f"{part.source} is in {part.units.name!r} units, {self.paths[0]} in {self.units.name!r}: read "

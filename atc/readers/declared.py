@@ -39,11 +39,8 @@ def periodic_of(given) -> tuple[bool, bool, bool]:
         words = [_WORDS.get(w[:1].lower()) if w.lower() not in _WORDS else _WORDS[w.lower()] for w in words]
     elif isinstance(given, (bool, np.bool_)):
         words = [given] * 3
-    if (
-        not isinstance(words, (list, tuple, np.ndarray))
-        or len(words) != 3
-        or not all(isinstance(w, (bool, np.bool_)) for w in words)
-    ):
+    three = isinstance(words, (list, tuple, np.ndarray)) and len(words) == 3
+    if not three or not all(isinstance(w, (bool, np.bool_)) for w in words):
         raise AtcError(f'pbc {given!r}: expected which of the axes repeat, e.g. "ppf" or [true, true, false]')
     return tuple(bool(w) for w in words)
 
@@ -63,9 +60,8 @@ class Declared(Over):
         super().__init__(base)
         self._vectors = None if cell is None else cell_of(cell, self.units.length)
         self._periodic = None if pbc is None else periodic_of(pbc)
-        if timestep is not None and not (
-            isinstance(timestep, (int, float)) and not isinstance(timestep, bool) and 0 < timestep < np.inf
-        ):
+        number = isinstance(timestep, (int, float)) and not isinstance(timestep, bool)
+        if timestep is not None and not (number and 0 < timestep < np.inf):
             raise AtcError(f"timestep {timestep!r}: expected the time of one step, greater than 0")
         self._timestep = None if timestep is None else self.units.to_internal("time", float(timestep))
 
@@ -82,9 +78,7 @@ class Declared(Over):
                     f"{u.label('length')}: leave cell out"
                 )
             if frame.given.get("cell") == "none":
-                changes["cell"] = Cell(
-                    vectors, origin, (True, True, True) if self._periodic is None else self._periodic
-                )
+                changes["cell"] = Cell(vectors, origin, self._periodic or (True, True, True))
                 changes["given"] = {**_without_boundary(frame.given), "cell": "declared"}
         if self._periodic is not None and "cell" not in changes:
             known = frame.given.get("boundary") != "assumed"

@@ -87,10 +87,8 @@ class Clock:
     def _compare(self, seen, last, distance, kind) -> None:
         u = seen.frame.units
         slack = 0.0
-        if kind == "times":
-            slack = 4.0 * float(
-                np.spacing(np.float32(max(abs(seen.time), abs(last.time))))
-            )  # some formats keep times as float32
+        if kind == "times":  # which some formats keep as float32
+            slack = 4.0 * float(np.spacing(np.float32(max(abs(seen.time), abs(last.time)))))
         if not distance > 0:
             back = "repeats" if distance == 0 else "goes back"
             which = "step" if kind == "steps" else "time"
@@ -110,13 +108,8 @@ class Clock:
         else:
             here, there = f"{distance:.0f} steps", f"{self._distance:.0f}"
         text = f"{_called(seen)} comes {here} after {_called(last)}, those before are {there} apart"
-        if (
-            kind == "times"
-            and self._steps
-            and seen.step is not None
-            and last.step is not None
-            and seen.step - last.step == self._steps
-        ):
+        steps = None if seen.step is None or last.step is None else seen.step - last.step
+        if kind == "times" and self._steps and steps == self._steps:
             a, b = (u.to_user("time", d / self._steps) for d in (self._distance, distance))
             text = f"the time step changes from {a:.6g} to {b:.6g} {u.label('time')} at {_called(last)}"
         self.gap = text
@@ -155,13 +148,9 @@ def _called(seen: _Seen) -> str:
 def same_moment(a, b) -> bool:
     """Whether two frames are one moment written twice: the same step and time, atoms at the same places (through
     periodic faces) with the same velocities."""
-    if (
-        a is None
-        or (a.step is None and a.time is None)
-        or a.step != b.step
-        or len(a) != len(b)
-        or not np.array_equal(a.ids, b.ids)
-    ):
+    if a is None or (a.step is None and a.time is None) or a.step != b.step:
+        return False
+    if len(a) != len(b) or not np.array_equal(a.ids, b.ids):
         return False
     if a.step is None and (b.time is None or a.time != b.time):
         return False
@@ -190,17 +179,12 @@ class Sequence:
         here = (k, frame.step, frame.time)
         if self.last is not None:
             j, step, time = self.last
-            if (
-                frame.step is not None
-                and step is not None
-                and frame.step <= step
-                and not (time is not None and frame.time is not None and frame.time > time)
-            ):
+            steps = None if frame.step is None or step is None else float(frame.step - step)
+            times = None if frame.time is None or time is None else frame.time - time
+            if steps is not None and steps <= 0 and not (times is not None and times > 0):
                 self.back.append(f"{k} (step {frame.step}) after {j} (step {step})")
             else:
-                d = frame.time - time if frame.time is not None and time is not None else None
-                if d is None and frame.step is not None and step is not None:
-                    d = float(frame.step - step)
+                d = steps if times is None else times
                 if d is not None:
                     if self._distance is None:
                         self._distance = d

@@ -225,11 +225,8 @@ class Trajectory(Sequence):
         t = first.topology
         out["topology"] = {k: len(getattr(t, k)) for k in ("bonds", "angles", "dihedrals", "impropers")} if t else None
         out["step"] = None if first.step is None or last.step is None else [int(first.step), int(last.step)]
-        out["time"] = (
-            None
-            if first.time is None or last.time is None
-            else [u.to_user("time", float(first.time)), u.to_user("time", float(last.time))]
-        )
+        times = first.time, last.time
+        out["time"] = None if None in times else [u.to_user("time", float(t)) for t in times]
         resolution, why = self._precision(first)
         out["coordinate_resolution"] = float(u.to_user("length", resolution))
         out["coordinate_resolution_from"] = why

@@ -234,7 +234,7 @@ class ExtendedXyz(ScannedTrajectory):
         """Columns of the file under the names of a dump's; what is none stays as it is."""
         out = {}
         has_momenta = widths.get("momenta") == 3
-        unknown = None
+        unknown, named = None, any(s in widths for s in _SPECIES)
         for name, width in widths.items():
             parts = [raw.pop(name)] if width == 1 else [raw.pop(f"{name}[{j}]") for j in range(1, width + 1)]
             low = name.lower()
@@ -244,21 +244,12 @@ class ExtendedXyz(ScannedTrajectory):
                 unknown = None if has_momenta else name
             if self._ase and low in ("type", "charge", "charges", "q"):
                 target = None  # ASE's own name is initial_charges; a type of others is not counted from 1
-            if (
-                low == "id"
-                and not self._by_lammps
-                and (parts[0].dtype.kind != "i" or len(np.unique(parts[0])) < len(parts[0]))
-            ):
-                target = None
+            if low == "id" and not self._by_lammps:
+                if parts[0].dtype.kind != "i" or len(np.unique(parts[0])) < len(parts[0]):
+                    target = None
             if low in _SPECIES and width == 1 and "element" not in out:
                 out |= self._species_columns(parts[0].astype(str), where, comment)
-            elif (
-                low == "z"
-                and width == 1
-                and parts[0].dtype.kind == "i"
-                and "element" not in out
-                and not any(s in widths for s in _SPECIES)
-            ):
+            elif low == "z" and width == 1 and parts[0].dtype.kind == "i" and "element" not in out and not named:
                 out["element"] = _symbols(parts[0], where)
             elif target and target != (None,) and target[0] not in out:
                 out.update(zip(target, parts))

@@ -23,12 +23,8 @@ _LONGEST = 1 << 14
 #: Keys of `Comment.keys` for what the reader has to say about a comment.
 CELL_UNIT_TAKEN, TIME_ROUNDED = "cell unit taken", "time rounded away"
 _LAMMPS = re.compile(r"\s*Timestep=\S+ Time=\S+ pbc=|.*\bTimestep=.*\bPotential_energy=")
-_LENGTHS = {
-    "angstrom": 1.0,
-    "nanometer": 10.0,
-    "atomic_unit": unit_system("electron").length,
-    "bohr": unit_system("electron").length,
-}
+_BOHR = unit_system("electron").length
+_LENGTHS = {"angstrom": 1.0, "nanometer": 10.0, "atomic_unit": _BOHR, "bohr": _BOHR}
 
 
 @dataclass
@@ -170,13 +166,8 @@ def _ipi(m, line: str, where: str) -> Comment:
             raise AtcError(f"{where}: {name}{{{braces[name]}}}: expected one of {', '.join(_LENGTHS)}")
     if len(values) != (6 if what == "abcABC" else 9) or not np.isfinite(values).all():
         raise AtcError(f"{where}: expected {6 if what == 'abcABC' else 9} numbers behind CELL({what})")
-    c = Comment(
-        "ipi",
-        keys,
-        length=_LENGTHS[braces["positions"]],
-        cell_length=_LENGTHS[braces["cell"]],
-        periodic=(True, True, True),
-    )
+    lengths = {"length": _LENGTHS[braces["positions"]], "cell_length": _LENGTHS[braces["cell"]]}
+    c = Comment("ipi", keys, periodic=(True, True, True), **lengths)
     if what == "abcABC":
         if not (values[:3] > 0).all() or not ((values[3:] > 0) & (values[3:] < 180)).all():
             raise AtcError(f"{where}: CELL(abcABC) {values.tolist()} is no cell")

@@ -56,6 +56,11 @@ def boundary_words(c: Command) -> tuple[str, ...]:
     return tuple(words)
 
 
+def periodic_axes(words) -> list[bool]:
+    """Which axes three words of ``boundary`` make periodic."""
+    return [w in ("p", "pp") for w in words]
+
+
 def without_boundary(words):
     """The words of a command without ``boundary`` and the three behind it."""
     if "boundary" not in words:

@@ -253,9 +253,8 @@ class AtomTable:
             # Of atoms that create_atoms makes later there may be some of these types among those that are in the table
             # already.
             for types in self.later:
-                unsure = unsure | (
-                    self.alive & self.fresh & (True if types is None else np.isin(self.types, list(types)))
-                )
+                some = True if types is None else np.isin(self.types, list(types))
+                unsure = unsure | (self.alive & self.fresh & some)
         return Group(self.alive & holds(values) & ~unsure, unsure)
 
     def _where(self, region: str) -> Group:
@@ -289,8 +288,11 @@ class AtomTable:
         prop = {"atom": "ids", "type": "types", "mol": "molecules"}[style]
         if prop == "ids":
             return Group(self.alive & (self.ids >= lo) & (self.ids <= hi), np.zeros(len(self.ids), bool)), ""
-        why = self.why.get(prop) or "atoms that are made later are not told apart from these"
-        return self._by(prop, lambda v: (v >= lo) & (v <= hi)), why
+        return self._by(prop, lambda v: (v >= lo) & (v <= hi)), self._why_of(prop)
+
+    def _why_of(self, prop: str) -> str:
+        """Why it is not certain which atoms have a value of a property."""
+        return self.why.get(prop) or "atoms that are made later are not told apart from these"
 
     def _of(self, members, g: Group):
         """(m, k) bool: which members are in a group, and of which this is not known."""
@@ -300,8 +302,6 @@ class AtomTable:
 
 def rows_of(ids, wanted, alive=None):
     """Row in `ids` of each wanted id (0 where there is none), and whether there is one."""
-    if not len(ids):
-        return np.zeros(len(wanted), np.int64), np.zeros(len(wanted), bool)
     alive = np.ones(len(ids), bool) if alive is None else alive
     order = np.flatnonzero(alive)[np.argsort(ids[alive], kind="stable")]
     if not len(order):

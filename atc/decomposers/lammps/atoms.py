@@ -68,9 +68,8 @@ class Atoms(Groups, Bonds, Places):
             self.boundary = boundary_words(c)
         if {"x", "y", "z", "xy", "xz", "yz", "remap"} & set(without_boundary(c.words[1:])):
             self.box = None
-            self._taint(
-                "positions", self.alive.copy(), f"{c.where}: change_box changes the box that atoms are put into"
-            )
+            why = f"{c.where}: change_box changes the box that atoms are put into"
+            self._taint("positions", self.alive.copy(), why)
 
     def _lattice(self, c):
         self.spacing = lattice_spacing(c.words, self.origin.units, self.origin.dimension)
@@ -119,15 +118,13 @@ class Atoms(Groups, Bonds, Places):
                 self.origin.labels.setdefault(c.words[0], {})[label] = int(number)
 
     def _create_atoms(self, c):
-        if self.complete:
-            self.complete = False
-        new = self._add_fresh(f"{c.where}: create_atoms makes atoms whose places are not known")
+        self.complete = False
+        self._add_fresh(f"{c.where}: create_atoms makes atoms whose places are not known")
         if "mol" in c.words:
             why = f"{c.where}: create_atoms makes molecules, whose bonds and charges are not known"
             everyone = self.fresh & self.alive
             for what in ("charges", "molecules", "masses", *SECTIONS):
                 self._taint(what, everyone, why)
-        return new
 
     def _read_restart(self, c):
         self.complete, self.n_types = False, 2
@@ -157,7 +154,6 @@ class Atoms(Groups, Bonds, Places):
                 self._set_property(what, key, values, chosen, c, why)
                 if what == "types":
                     self._settle_types(self.k)
-                    chosen, why = chosen, why
 
     def _set_property(self, what, key, values, chosen, c, why):
         some = chosen.inside | chosen.unsure
@@ -179,9 +175,8 @@ class Atoms(Groups, Bonds, Places):
             a[chosen.inside] = value
             self.unknown[what] = self.unknown[what] & ~chosen.inside
         if chosen.unsure.any():
-            self._taint(
-                what, chosen.unsure, f"{c.where}: which atoms 'set {' '.join(c.words[:2])}' means is not known: {why}"
-            )
+            why = f"{c.where}: which atoms 'set {' '.join(c.words[:2])}' means is not known: {why}"
+            self._taint(what, chosen.unsure, why)
 
     def _set_bonded(self, section, key, value, chosen, c, why):
         types, members = self.bonded[section]
@@ -191,11 +186,8 @@ class Atoms(Groups, Bonds, Places):
         inside, unsure = self._of(members, chosen)
         types[inside.all(1)] = int(label)
         if (unsure.any(1) & (inside | unsure).all(1)).any():
-            self._taint(
-                section,
-                None,
-                f"{c.where}: which {section.lower()} 'set {' '.join(c.words[:2])}' means is not known: {why}",
-            )
+            meant = f"which {section.lower()} 'set {' '.join(c.words[:2])}' means"
+            self._taint(section, None, f"{c.where}: {meant} is not known: {why}")
 
     def _read_data(self, c):
         read_data(self, c)

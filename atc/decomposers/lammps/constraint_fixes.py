@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from ..constraints.held import Constraints
 from ..constraints.rules import SAME_MASS, Group, RigidMolecules, Shake
-from .fixes import classify
+from .fixes import class_of
 from .script import Command
 
 #: Words behind ``fix shake`` with so many values, which change no constraint.
@@ -20,7 +20,7 @@ _RIGID_WORDS = {
 
 def held(fixes) -> list[Command]:
     """Those of some fixes that are constraints."""
-    return [c for c in fixes if (classify(c.words[2], c.words[3:]) or ("",))[0] == "constraint"]
+    return [c for c in fixes if class_of(c) == "constraint"]
 
 
 def groups_of(fixes) -> tuple[str, ...]:

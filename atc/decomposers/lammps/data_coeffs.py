@@ -6,7 +6,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from ...errors import AtcError
+from ...errors import located
 from .read_data import data_options
 from .script import Command
 
@@ -59,10 +59,8 @@ def take_data_file(c: Command, folder: Path, style_names) -> tuple[Path, list[Co
     path = options.file
     if not os.path.isfile(path):
         return path, []
-    try:
+    with located(f"{c.where}: read_data"):
         commands = data_file_commands(path, {} if options.nocoeff else style_names)
-    except AtcError as e:
-        raise c.error(f"read_data: {e}") from None
     return path, [_offset(k, options.offsets) for k in commands] if any(options.offsets.values()) else commands
 
 
@@ -73,6 +71,5 @@ def _offset(c: Command, offsets: dict) -> Command:
         return replace(c, words=(kind, str(int(number) + offsets[kind]), label))
     kind = "atom" if c.name in ("mass", "pair_coeff") else c.name.split("_")[0]
     width = 2 if c.name == "pair_coeff" else 1
-    return replace(
-        c, words=(*(str(int(w) + offsets[kind]) if w.isdigit() else w for w in c.words[:width]), *c.words[width:])
-    )
+    types = (str(int(w) + offsets[kind]) if w.isdigit() else w for w in c.words[:width])
+    return replace(c, words=(*types, *c.words[width:]))

@@ -161,3 +161,8 @@ def classify(style: str, args) -> tuple[str, str] | None:
     if style == "atc" and args:
         return _ATC.get(args[0], found)
     return found
+
+
+def class_of(c) -> str:
+    """The class of a ``fix`` command, a `script.Command`; "" of one that no LAMMPS has."""
+    return (classify(c.words[2], c.words[3:]) or ("",))[0]

@@ -40,9 +40,7 @@ class Groups(AtomTable):
             holds = self._listed(args, style)
             if prop == "ids":
                 return Group(self.alive & holds(self.ids), np.zeros(len(self.ids), bool)), ""
-            return self._by(prop, holds), self.why.get(
-                prop
-            ) or "atoms that are made later are not told apart from these"
+            return self._by(prop, holds), self._why_of(prop)
         if style == "include" and args[:1] == ("molecule",):
             ids = np.unique(self.molecules[old.inside])
             g = self._by("molecules", lambda v: np.isin(v, ids[ids != 0]))

@@ -6,6 +6,7 @@ import os
 import re
 from collections import deque
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -143,15 +144,10 @@ def _potential(source, units_, folder, name, run, trajectory) -> Potential:
             f"fix {c.words[2]} holds bonds by springs of its own while LAMMPS minimizes, which are not "
             "supported: name another run"
         )
-    pot.constraints = constraints_of(
-        choice.fixes,
-        groups,
-        lambda kind, word, where: _types(model, kind, word, where),
-        model.units.mass,
-        _timestep(choice.timestep, model.units),
-    )
+    timestep = _timestep(choice.timestep, model.units)
+    pot.constraints = constraints_of(choice.fixes, groups, partial(_types, model), model.units.mass, timestep)
     if script and not any(c.words[2:3] == ("dt/reset",) for c in choice.fixes):
-        pot.timestep = _timestep(choice.timestep, model.units)
+        pot.timestep = timestep
     if script and not any(c.name == "units" for c in choice.state.model) and units_ is None:
         pot.remarks = (*pot.remarks, f"{Path(name).name} has no units line: lj, as in LAMMPS")
     pot.remarks = (*pot.remarks, *(f"forces from outside are no part of the stress: {o}" for o in pot.outside))
@@ -258,14 +254,10 @@ def _gather(state: State, name: str, folder: Path, units_, script: bool) -> _Mod
         if c.name.endswith("_style") and kind in STYLES:
             _take_style(model, kind, c)
         elif c.name.endswith("_coeff") and kind in STYLES:
-            if kind not in model.styles:
-                raise c.error(f"{c.name} before any {kind}_style: put the style first")
-            model.styles[kind].lines.append(c)
+            _style_before(model, kind, c).lines.append(c)
             model.heavy += [c] if kind == "pair" else []
         elif c.name == "pair_modify":
-            if "pair" not in model.styles:
-                raise c.error("pair_modify before any pair_style: put the style first")
-            model.styles["pair"].modify.append(c)
+            _style_before(model, "pair", c).modify.append(c)
         elif c.name == "special_bonds":
             model.special.append(c)
         elif c.name == "dielectric":
@@ -305,17 +297,14 @@ def _units(commands, name, given, script: bool = False) -> Units:
     if len(names) > 1:
         raise AtcError(f"{said[-1].where}: units are set more than once, to {' and '.join(sorted(names))}: keep one")
     if said:
-        if said[0].words[:1] and said[0].words[0] not in LAMMPS_STYLES:
-            raise AtcError(
-                f"{said[0].where}: unknown units {said[0].words[0]!r}: expected one of {', '.join(LAMMPS_STYLES)}"
-            )
         if not said[0].words:
-            raise AtcError(f"{said[0].where}: units needs a style: one of {', '.join(LAMMPS_STYLES)}")
+            raise said[0].error(f"units needs a style: one of {', '.join(LAMMPS_STYLES)}")
+        if said[0].words[0] not in LAMMPS_STYLES:
+            raise said[0].error(f"unknown units {said[0].words[0]!r}: expected one of {', '.join(LAMMPS_STYLES)}")
         found = units(said[0].words[0])
         if given is not None and units(given).name != found.name:
-            raise AtcError(
-                f"{said[0].where}: the lines say units {found.name} but units={units(given).name!r} was given: drop "
-                "one of them"
+            raise said[0].error(
+                f"the lines say units {found.name} but units={units(given).name!r} was given: drop one of them"
             )
         return found
     if given is None and script:
@@ -326,6 +315,13 @@ def _units(commands, name, given, script: bool = False) -> Units:
             f"{', '.join(LAMMPS_STYLES)})"
         )
     return units(given)
+
+
+def _style_before(model: _Model, kind: str, c: Command) -> _Style:
+    """The style that a command goes on with."""
+    if kind not in model.styles:
+        raise c.error(f"{c.name} before any {kind}_style: put the style first")
+    return model.styles[kind]
 
 
 def _take_style(model: _Model, kind: str, c: Command) -> None:

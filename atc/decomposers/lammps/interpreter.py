@@ -16,7 +16,7 @@ from ..atom_columns import named_columns
 from ..pairs.hybrid import strip_suffix
 from .commands import CLASSES, check_known
 from .conditions import holds
-from .fixes import classify
+from .fixes import class_of, classify
 from .script import Command, Line, logical_lines, read_text, split_words
 from .variables import Unknown, Variables
 
@@ -62,7 +62,7 @@ class State:
     @property
     def held(self) -> tuple[Command, ...]:
         """The fixes that hold distances or bodies, which are part of the model."""
-        return tuple(c for c in self.fixes if classify(c.words[2], c.words[3:])[0] == "constraint")
+        return tuple(c for c in self.fixes if class_of(c) == "constraint")
 
     def said(self) -> list:
         """The model without where its lines stand: of lines given twice the last, kind by kind; of data files also
@@ -154,8 +154,7 @@ class Interpreter:
             self.written.append((file, first, None))
 
     def _find(self, name: str) -> Path:
-        path = Path(name).expanduser()
-        return path if path.is_absolute() else self.folder / path
+        return self.folder / Path(name).expanduser()
 
     def _load(self, name: str, where: str) -> _File:
         path = self._find(name)
@@ -230,10 +229,10 @@ class Interpreter:
         return None
 
     def _words(self, line: Line) -> list[str]:
-        try:
-            return split_words(self.variables.substitute(line.text), line.where)
-        except Unknown as e:
-            raise line.error(f"{e}") from None
+        words, why = self._known_words(line)
+        if why:
+            raise line.error(why)
+        return words
 
     def _known_words(self, line: Line) -> tuple[list[str], str | None]:
         """The words, with variables as they stand and the reason where these are not known."""
@@ -255,11 +254,8 @@ class Interpreter:
             # stays.
             old = [m for m in self.model if m.name.startswith(f"{kind}_")]
             same = any(m.name == c.name and m.words[:1] == c.words[:1] for m in old)
-            self.model = [
-                *(m for m in self.model if m not in old),
-                c,
-                *(m for m in old if same and m.name == "pair_modify"),
-            ]
+            kept = [m for m in old if same and m.name == "pair_modify"]
+            self.model = [*(m for m in self.model if m not in old), c, *kept]
             self._restored.discard(kind)
             return
         self.model.append(c)
@@ -318,9 +314,8 @@ class Interpreter:
                 f"fix {words[3]} is no fix of LAMMPS that atc knows, so whether it changes forces is "
                 "not known: leave it out if it does not"
             )
-        self._set_fixes(
-            {**self.fixes, words[1]: Command("fix", (words[1], words[2], style, *words[4:]), line.where, why)}
-        )
+        c = Command("fix", (words[1], words[2], style, *words[4:]), line.where, why)
+        self._set_fixes({**self.fixes, words[1]: c})
 
     def _set_fixes(self, fixes) -> None:
         self.fixes, self._fixes = fixes, tuple(fixes.values())
@@ -344,11 +339,8 @@ class Interpreter:
 
     def _dump(self, name: str, line: Line) -> None:
         words, why = self._known_words(line)
-        if (
-            len(words) < 2
-            or (why and name != "write_data")
-            or (name == "write_restart" and len(self._restarts) > _RESTARTS)
-        ):
+        many = name == "write_restart" and len(self._restarts) > _RESTARTS
+        if len(words) < 2 or many or (why and name != "write_data"):
             return
         if name == "write_restart":
             self._restarts[words[1]] = list(self.model), list(self.atoms)
@@ -433,9 +425,8 @@ class Interpreter:
 
     def _target(self, words, line, file):
         name, label = words[1], words[2] if len(words) > 2 else None
-        if name == "SELF" or (
-            file.path is not None and self._find(name).name == file.path.name and not self._is_other(name, file)
-        ):
+        own = file.path is not None and self._find(name).name == file.path.name and not self._is_other(name, file)
+        if name == "SELF" or own:
             target = file
         else:
             path = self._find(name)
@@ -464,17 +455,16 @@ class Interpreter:
             except Unknown as e:
                 return self._uncertain(line, file, p, branches, str(e))
             if true:
-                for text in commands:
-                    for one in logical_lines(text, line.where):
-                        target = self._line(Line(one.text, line.where), file, p)
-                        if target is not None:
-                            return target
+                for one in _inner(commands, line):
+                    target = self._line(one, file, p)
+                    if target is not None:
+                        return target
                 return None
         return None
 
     def _parse_if(self, line):
         """The words, and [(condition or None, commands), ...]."""
-        words = split_words(_outside_quotes(self.variables, line), line.where)
+        words, _ = self._known_words(line)
         branches, k = [], 1
         keyword = "if"
         while k < len(words):
@@ -502,9 +492,8 @@ class Interpreter:
     def _uncertain(self, line, file, p, branches, why):
         """A condition that is not known: nothing it decides on may matter."""
         for _, commands in branches:
-            for text in commands:
-                for one in logical_lines(text, line.where):
-                    self._maybe(Line(one.text, line.where), file, p, why)
+            for one in _inner(commands, line):
+                self._maybe(one, file, p, why)
 
     def _maybe(self, line: Line, file, p, why: str) -> None:
         name = line.head
@@ -528,11 +517,8 @@ class Interpreter:
             return
         found = self._changing([line])
         if found is not None and CLASSES.get(name, ("",))[0] == "atoms":
-            self.atoms.append(
-                Command(
-                    name, tuple(split_words(line.text, line.where)[1:]), line.where, f"it depends on a condition: {why}"
-                )
-            )
+            words = tuple(split_words(line.text, line.where)[1:])
+            self.atoms.append(Command(name, words, line.where, f"it depends on a condition: {why}"))
         elif found is not None:
             raise line.error(
                 f"{name!r} depends on a condition that is not known: {why}: write the line that holds without 'if'"
@@ -562,12 +548,7 @@ class Interpreter:
                     _, branches = self._parse_if(line)
                 except (AtcError, Unknown):
                     return line
-                inner = [
-                    Line(one.text, line.where)
-                    for _, commands in branches
-                    for text in commands
-                    for one in logical_lines(text, line.where)
-                ]
+                inner = [one for _, commands in branches for one in _inner(commands, line)]
                 if not any(i.head == "if" for i in inner) and self._changing(inner) is None:
                     continue
             if name == "fix":
@@ -578,7 +559,7 @@ class Interpreter:
             if name == "unfix":
                 words = line.text.split()
                 there = self.fixes.get(words[1]) if len(words) > 1 else None
-                if there is None or classify(there.words[2], there.words[3:])[0] in ("harmless", "outside"):
+                if there is None or class_of(there) in ("harmless", "outside"):
                     continue
             return line
         return None
@@ -597,21 +578,9 @@ class Interpreter:
                 except (AtcError, Unknown):
                     continue
                 for _, commands in branches:
-                    self._forget(
-                        [
-                            one
-                            for text in commands
-                            if text.strip()
-                            for one in logical_lines(text, line.where)
-                            if one.head != "if"
-                        ],
-                        why,
-                    )
+                    self._forget([one for one in _inner(commands, line) if one.head != "if"], why)
 
 
-def _outside_quotes(variables: Variables, line: Line) -> str:
-    """The line with variables put in outside quotes, and as it stands where these are not known."""
-    try:
-        return variables.substitute(line.text)
-    except Unknown:
-        return line.text
+def _inner(commands, line: Line) -> list[Line]:
+    """The lines of commands that stand in another line."""
+    return [Line(one.text, line.where) for text in commands for one in logical_lines(text, line.where)]

@@ -10,7 +10,7 @@ import numpy as np
 from ...units import Units
 from ..constraints.rules import Group
 from ..outside import Along, Constant, Friction, Indenter, Law, OutsideForces, Put, Wall
-from .fixes import classify
+from .fixes import class_of
 from .script import Command, short
 
 _FACES = {f"{'xyz'[k]}{end}": (k, side) for k in range(3) for end, side in (("lo", -1), ("hi", 1))}
@@ -27,7 +27,7 @@ class _NotUnderstood(Exception):
 
 def acting(fixes) -> list[Command]:
     """Those of some fixes that act from outside."""
-    return [c for c in fixes if (classify(c.words[2], c.words[3:]) or ("",))[0] == "outside"]
+    return [c for c in fixes if class_of(c) == "outside"]
 
 
 def outside_of(fixes, groups, u: Units, lattice: bool) -> OutsideForces:
@@ -68,8 +68,7 @@ def _laws(c: Command, group: Group, u: Units, lattice: bool) -> list[Law]:
         factor = force if u.reduced else 1.0 / u.length
         return [Constant(**said, vector=tuple(factor * _number(w) for w in words[:3]), per="charges")]
     if style == "viscous":
-        scale = []
-        rest = words[1:]
+        scale, rest = [], words[1:]
         while rest:
             if rest[0] != "scale":
                 raise _NotUnderstood
@@ -129,29 +128,19 @@ def _walls(style, words, said, u: Units, lattice: bool) -> list[Law]:
     factors = {"energy": u.energy, "length": u.length, "1/length": 1.0 / u.length, "stiffness": u.energy / u.length**2}
     kinds, out = _WALLS[style], []
     while words:
-        axis, side = _FACES[words[0]] if words[0] in _FACES else _refuse()
+        if words[0] not in _FACES:
+            raise _NotUnderstood
+        axis, side = _FACES[words[0]]
         at = None if words[1] == "EDGE" else _number(words[1]) * u.length
         numbers = words[2 : 3 + len(kinds)]
         if len(numbers) != len(kinds) + 1:
             raise _NotUnderstood
         cutoff = _number(numbers[-1]) * u.length
         values = tuple(_number(w) * factors[k] for w, k in zip(numbers, kinds) if k is not None)
-        out.append(
-            Wall(
-                **said,
-                axis=axis,
-                side=side,
-                at=at,
-                numbers=(*values, cutoff) if style == "wall/harmonic" else values,
-                cutoff=cutoff,
-            )
-        )
+        numbers = (*values, cutoff) if style == "wall/harmonic" else values
+        out.append(Wall(**said, axis=axis, side=side, at=at, numbers=numbers, cutoff=cutoff))
         words = words[3 + len(kinds) :]
     return out
-
-
-def _refuse():
-    raise _NotUnderstood
 
 
 def _indenter(words, said, u: Units, lattice: bool) -> Law:
@@ -160,11 +149,8 @@ def _indenter(words, said, u: Units, lattice: bool) -> Law:
     while words:
         key = words[0]
         if key == "sphere":
-            shape = {
-                "shape": key,
-                "centre": tuple(_number(w) * u.length for w in words[1:4]),
-                "radius": _number(words[4]) * u.length,
-            }
+            centre = tuple(_number(w) * u.length for w in words[1:4])
+            shape = {"shape": key, "centre": centre, "radius": _number(words[4]) * u.length}
             words = words[5:]
         elif key == "cylinder":
             axis = "xyz".index(words[1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .atom_commands import PROPERTIES, SECTIONS
+from .atom_commands import PROPERTIES, SECTIONS, periodic_axes
 from .atom_table import AtomTable, Group, rows_of
 from .regions import Trouble
 
@@ -16,24 +16,17 @@ class Places(AtomTable):
     """``delete_atoms``, ``reset_atoms``, ``displace_atoms``, ``replicate``, and the box that atoms are put into."""
 
     def _delete_atoms(self, c):
-        style, k = (c.words[0] if c.words else ""), 2
-        options = dict(zip(c.words[-6::2], c.words[-5::2], strict=False)) if len(c.words) > 2 else {}
-        options = {key: value for key, value in options.items() if key in ("compress", "bond", "mol")}
+        style, which = (*c.words, "", "")[:2]
+        options = dict(zip(c.words[2::2], c.words[3::2], strict=False))
         if style == "group":
-            gone, why = (
-                self.group(c.words[1] if len(c.words) > 1 else ""),
-                self.group_why.get(c.words[1] if len(c.words) > 1 else "", ""),
-            )
+            gone, why = self.group(which), self.group_why.get(which, "")
         elif style == "region":
-            gone, why = self._where(c.words[1] if len(c.words) > 1 else ""), self.why.get("positions", "")
+            gone, why = self._where(which), self.why.get("positions", "")
         else:
-            gone, why = (
-                Group(np.zeros(len(self.ids), bool), self.alive.copy()),
-                f"delete_atoms {style} chooses atoms by distance or at random",
-            )
-        options = (
-            dict(zip(c.words[k::2], c.words[k + 1 :: 2], strict=False)) if style in ("group", "region") else options
-        )
+            gone = Group(np.zeros(len(self.ids), bool), self.alive.copy())
+            why = f"delete_atoms {style} chooses atoms by distance or at random"
+            last = dict(zip(c.words[-6::2], c.words[-5::2], strict=False)) if len(c.words) > 2 else {}
+            options = {key: value for key, value in last.items() if key in ("compress", "bond", "mol")}
         inside, unsure = gone.inside, gone.unsure
         if options.get("mol") == "yes":
             ids = np.unique(self.molecules[inside])
@@ -73,11 +66,9 @@ class Places(AtomTable):
             kept[p] = {}
             for t in np.unique(self.types[self.alive & ~self.unknown["types"]]):
                 mine = sure & (self.types == t)
-                if (
-                    mine.sum() == (self.alive & (self.types == t)).sum()
-                    and len(np.unique(values[mine])) == 1
-                    and not self.unknown["types"][self.alive].any()
-                ):
+                all_of_them = mine.sum() == (self.alive & (self.types == t)).sum()
+                certain = all_of_them and not self.unknown["types"][self.alive].any()
+                if certain and len(np.unique(values[mine])) == 1:
                     kept[p][int(t)] = values[mine][0]
         groups = {
             name: {
@@ -153,7 +144,7 @@ class Places(AtomTable):
             return x
         lo, hi = self.box
         edges = self._box_edges()
-        periodic = np.array([w in ("p", "pp") for w in self.boundary or ("p", "p", "p")])
+        periodic = np.array(periodic_axes(self.boundary or "ppp"))
         s = (x - lo) @ np.linalg.inv(edges)
         shift = np.where(periodic, np.floor(s), 0.0)
         return np.where(shift.any(1)[:, None], x - shift @ edges, x)

@@ -34,8 +34,7 @@ def data_options(c: Command, folder: Path) -> DataOptions:
     """The words of a ``read_data`` command. AtcError for what LAMMPS does not know."""
     if not c.words:
         raise c.error("read_data needs the name of a data file")
-    path = Path(c.words[0]).expanduser()
-    out = DataOptions(path if path.is_absolute() else folder / path)
+    out = DataOptions(folder / Path(c.words[0]).expanduser())
     words, k = c.words, 1
 
     def numbers(at, n, kind):
@@ -92,18 +91,12 @@ def read_data(atoms, c: Command) -> None:
     if data is None:
         raise Trouble(f"{options.file} is not there")
     atoms.files.append(options.file)
-    atoms.n_types = max(
-        atoms.n_types,
-        data.counts.get("atom types", 2) + options.offsets["atom"],
-        options.extra_types + data.counts.get("atom types", 2),
-    )
+    types = data.counts.get("atom types", 2)
+    atoms.n_types = max(atoms.n_types, types + options.offsets["atom"], types + options.extra_types)
     _box(atoms, data, options)
     shift_id = shift_mol = 0
     if options.add == "append":
-        shift_id, shift_mol = (
-            int(atoms.ids[atoms.alive].max(initial=0)),
-            int(atoms.molecules[atoms.alive].max(initial=0)),
-        )
+        shift_id, shift_mol = (int(a[atoms.alive].max(initial=0)) for a in (atoms.ids, atoms.molecules))
         if not atoms.complete:
             raise Trouble("its atoms get numbers behind those of atoms that are not known")
     elif isinstance(options.add, tuple):
@@ -114,10 +107,9 @@ def read_data(atoms, c: Command) -> None:
     x = np.stack([raw[k] for k in "xyz"], axis=1)[order] + np.array(options.shift)
     masses = None if data.per_atom_mass is None else data.per_atom_mass / atoms.origin.mass_unit
     ids = data.ids + shift_id
-    if np.isin(ids, atoms.ids[atoms.alive]).any():
-        raise c.error(
-            f"read_data: atom {ids[np.isin(ids, atoms.ids[atoms.alive])][0]} of {options.file} is there already"
-        )
+    twice = ids[np.isin(ids, atoms.ids[atoms.alive])]
+    if len(twice):
+        raise c.error(f"read_data: atom {twice[0]} of {options.file} is there already")
     new = atoms._add(
         ids,
         data.types + options.offsets["atom"],
@@ -132,10 +124,8 @@ def read_data(atoms, c: Command) -> None:
     for section, width in SECTIONS.items():
         types, members = data.bonded.get(section, (np.zeros(0, np.int64), np.zeros((0, width), np.int64)))
         old_types, old_members = atoms.bonded[section]
-        atoms.bonded[section] = (
-            np.concatenate([old_types, types + options.offsets[section[:-1].lower()]]),
-            np.concatenate([old_members, members + shift_id]),
-        )
+        types = np.concatenate([old_types, types + options.offsets[section[:-1].lower()]])
+        atoms.bonded[section] = types, np.concatenate([old_members, members + shift_id])
     for t, (mass, _) in data._mass_of_key.items():
         atoms.type_masses[t + options.offsets["atom"]] = float(mass)
     for kind, labels in data.labels.items():
@@ -146,9 +136,8 @@ def read_data(atoms, c: Command) -> None:
         if section not in ("NULL", "CMAP", "crossterm"):
             for what in ("charges", "molecules", "masses"):
                 if what not in atoms.origin.columns:
-                    atoms._taint(
-                        what, new, f"{c.where}: the section {section} of {options.file} may hold it, which is not read"
-                    )
+                    why = f"{c.where}: the section {section} of {options.file} may hold it, which is not read"
+                    atoms._taint(what, new, why)
 
 
 def _unwrapped(raw, order, x, data):

@@ -6,6 +6,7 @@ Numbers are in the script's own units. Points on a surface are inside, as in LAM
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -83,10 +84,7 @@ def lattice_spacing(words, units: str, dimension: int = 3) -> np.ndarray:
     length = np.linalg.norm(orient, axis=1)
     if not (length > 0).all():
         raise Trouble("lattice orient: a direction of length 0")
-    corners = (
-        np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in ((0, 1) if dimension == 3 else (0,))], float)
-        @ vectors
-    )
+    corners = np.array([*product((0, 1), (0, 1), (0, 1) if dimension == 3 else (0,))], float) @ vectors
     turned = corners @ (orient / length[:, None]).T * scale
     out = turned.max(0) - turned.min(0)
     if dimension == 2:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...errors import AtcError
 from .atom_commands import touches
-from .fixes import REACH, classify
+from .fixes import REACH, class_of, classify
 from .interpreter import Interpreter, State
 from .script import Command, short
 
@@ -103,33 +103,19 @@ def _choice(states, numbers) -> Choice:
         s = states[k]
         if id(s._atoms) not in longest or s._n_atoms > longest[id(s._atoms)]._n_atoms:
             longest[id(s._atoms)] = s
-    later = [
-        c
-        for s in list(longest.values())[:_MOST]
-        for c in s.atoms_beyond(first)
-        if c.name != "run" and (c.unknown or touches(c) or c.name == "group")
-    ]
+    beyond = (c for s in list(longest.values())[:_MOST] for c in s.atoms_beyond(first) if c.name != "run")
+    later = [c for c in beyond if c.unknown or touches(c) or c.name == "group"]
     fixes = {c: None for t in _distinct(states[k].fixes for k in numbers) for c in t}
     before = {c: None for t in _distinct(s.fixes for s in states[: numbers[-1] + 1]) for c in t}
     steps = {states[k].timestep for k in numbers}
-    steady = len({tuple((c.name, c.words) for c in states[k].fixes if _class(c)[0] == "outside") for k in numbers}) == 1
+    steady = len({tuple((c.name, c.words) for c in states[k].fixes if class_of(c) == "outside") for k in numbers}) == 1
     minimizes = all(states[k].name.startswith("minimize") for k in numbers)
-    return Choice(
-        first,
-        tuple(dict.fromkeys(later)),
-        tuple(fixes),
-        tuple(before),
-        steps.pop() if len(steps) == 1 else "",
-        minimizes,
-        steady,
-    )
+    timestep = steps.pop() if len(steps) == 1 else ""
+    return Choice(first, tuple(dict.fromkeys(later)), tuple(fixes), tuple(before), timestep, minimizes, steady)
 
 
 def _distinct(tuples):
-    seen = {}
-    for t in tuples:
-        seen.setdefault(id(t), t)
-    return seen.values()
+    return {id(t): t for t in tuples}.values()
 
 
 def _dumped(script, trajectory, n) -> list[int]:
@@ -157,7 +143,7 @@ def sort_fixes(choice: Choice, folder) -> tuple[tuple[str, ...], dict]:
     """
     outside = []
     for c in choice.fixes:
-        kind, reason = _class(c)
+        kind, reason = classify(c.words[2], c.words[3:])
         what = f"{c.where}: fix {c.words[2]}"
         if kind == "held":
             raise AtcError(
@@ -174,7 +160,7 @@ def sort_fixes(choice: Choice, folder) -> tuple[tuple[str, ...], dict]:
             outside.append(f"fix {c.words[2]} on group {c.words[1]} ({short(c.where)})")
     changing: dict[str, str] = {}
     for c in (*choice.before, *choice.fixes):
-        kind, reason = _class(c)
+        kind, reason = classify(c.words[2], c.words[3:])
         for what in REACH.get(kind, ()):
             changing.setdefault(what, f"{c.where}: fix {c.words[2]} {reason}")
     return tuple(outside), changing
@@ -215,7 +201,3 @@ def check_spins_push(choice: Choice, name: str) -> None:
             f"{name}: LAMMPS computes forces of spins on atoms only with fix nve/spin ... lattice moving, which this "
             "run has not: add it before the run to see the stress that belongs to them"
         )
-
-
-def _class(c: Command):
-    return classify(c.words[2], c.words[3:])

@@ -62,11 +62,9 @@ def one_line():
         yield
     except AtcError as e:
         message = " ".join(str(e).split())
-        if message == str(e) and len(message) <= _LONGEST_MESSAGE:
-            raise
-        raise AtcError(
-            message if len(message) <= _LONGEST_MESSAGE else message[: _LONGEST_MESSAGE - 3] + "..."
-        ) from None
+        if len(message) > _LONGEST_MESSAGE:
+            message = message[: _LONGEST_MESSAGE - 3] + "..."
+        raise AtcError(message) from None
 
 
 def is_text(source: str) -> bool:

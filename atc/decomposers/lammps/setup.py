@@ -14,19 +14,21 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import AtcError
+from ...errors import AtcError, located
 from ...frame import Cell, Topology
 from ...units import units
 from ..atom_columns import NAMES
 from ..constraints.rules import UNSURE
-from .atom_commands import MOLECULAR, SECTIONS, boundary_words, set_keywords, touches
+from .atom_commands import MOLECULAR, SECTIONS, boundary_words, periodic_axes, set_keywords, touches
 from .atom_table import Origin, rows_of
 from .atoms import Atoms
 from .read_data import data_options
+from .regions import Trouble
 from .script import Command, one_line, short
 
 _FRAME = {"types": "types", "charges": "charges", "masses": "masses", "molecules": "molecules"}
 _SAYS = {"types": "type", "charges": "charge", "masses": "mass", "molecules": "molecule"}
+_UNITS = {"charges": "charge", "masses": "mass"}
 _DUMP = {
     "types": "dump type too",
     "charges": "dump q too",
@@ -97,12 +99,8 @@ class Setup:
         if not self.data_files:
             return []
         files = " and ".join(dict.fromkeys(p.name for p in self.data_files))
-        edits = list(
-            dict.fromkeys(
-                f"{c.name} ({short(c.where)})"
-                for what, c in self.edits.items()
-                if what not in ("boundary", "positions")
-            )
+        edits = dict.fromkeys(
+            f"{c.name} ({short(c.where)})" for what, c in self.edits.items() if what not in ("boundary", "positions")
         )
         changed = f", changed by {', '.join(edits)}" if edits else ""
         return [f"what the frames do not show of atoms (charges, masses, bonds) is from {files}{changed}"]
@@ -132,13 +130,11 @@ class Setup:
                 return None
             from ...readers.lammps.data import LammpsData
 
-            try:
+            with located(f"{c.where}: read_data"):
                 data = LammpsData(path, " ".join(self.atom_style) or None)
                 if data.untold:
                     data.use_molecules(self._templates())
                 data.use_units(units(self.units))
-            except AtcError as e:
-                raise c.error(f"read_data: {e}") from None
             self._files[path] = data
         return self._files[path]
 
@@ -157,28 +153,26 @@ class Setup:
         """A data file that the script reads and that is not there."""
         return next((p for p in self.data_files if not os.path.isfile(p)), None)
 
+    @property
+    def _lacking(self) -> Path | None:
+        """The same, where no other file stands for it."""
+        return self.missing if self._stand_in is None else None
+
     # Carrying out
     # ------------------------------------------------------------------------------------------------------------------
 
     def atoms(self, ids, types) -> Atoms:
         """The table of atoms at the run, for a frame that shows these ids and types (None: no types)."""
         last = self._cache
-        if (
-            last is not None
-            and np.array_equal(last[0], ids)
-            and (last[1] is types or (types is not None and last[1] is not None and np.array_equal(last[1], types)))
-        ):
-            return last[2]
+        if last is not None and np.array_equal(last[0], ids):
+            if last[1] is types or (types is not None and last[1] is not None and np.array_equal(last[1], types)):
+                return last[2]
         columns = {"charges": {"charge", "full", "dipole", "electron"}, "molecules": MOLECULAR | {"line", "tri", "smd"}}
-        origin = Origin(
-            self.folder,
-            self.units,
-            self.dimension,
-            self.atom_style,
-            self._open,
-            columns={w for w, styles in columns.items() if styles & set(self.atom_style)},
-            mass_unit=units(self.units).mass,
-        )
+        more = {
+            "columns": {w for w, styles in columns.items() if styles & set(self.atom_style)},
+            "mass_unit": units(self.units).mass,
+        }
+        origin = Origin(self.folder, self.units, self.dimension, self.atom_style, self._open, **more)
         table = Atoms(origin, ids, types).carry_out(self.commands)
         for c in self.later:
             table.change_later(c)
@@ -189,6 +183,9 @@ class Setup:
                 table.taint_everyone(one, why)
         self._cache = (np.array(ids), None if types is None else np.array(types), table)
         return table
+
+    def _table_of(self, frame) -> Atoms:
+        return self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
 
     def complete(self, frame):
         """The frame with what the script says of its atoms.
@@ -206,11 +203,8 @@ class Setup:
     def _with_names(self, frame):
         """The frame whose columns have the names of what they hold, where potentials may depend on it: spx for c_3[1]
         of 'compute 3 all property/atom spx ...'."""
-        more = {
-            self.columns[c]: a
-            for c, a in frame.extra.items()
-            if self.columns.get(c) in NAMES and self.columns[c] not in frame.extra
-        }
+        held = ((self.columns.get(c), a) for c, a in frame.extra.items())
+        more = {name: a for name, a in held if name in NAMES and name not in frame.extra}
         return frame.replace(extra={**frame.extra, **more}) if more else frame
 
     def _completed(self, frame):
@@ -218,7 +212,7 @@ class Setup:
         if given.get("ids"):
             return self._unnumbered(frame)
         self._named_file(given)
-        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        table = self._table_of(frame)
         rows, found = rows_of(table.ids, frame.ids, table.alive)
         self._check_atoms(frame, table, found)
         changes, left = {}, {k: v for k, v in given.items() if k not in _FRAME and k not in ("topology", "boundary")}
@@ -236,15 +230,13 @@ class Setup:
             if "boundary" in table.why:
                 raise AtcError(f"{frame.source}: the boundaries are not known: {table.why['boundary']}")
             if table.boundary is not None:
-                changes["cell"] = Cell(
-                    frame.cell.vectors, frame.cell.origin, [w in ("p", "pp") for w in table.boundary]
-                )
+                changes["cell"] = Cell(frame.cell.vectors, frame.cell.origin, periodic_axes(table.boundary))
         return frame.replace(**changes, given=left)
 
     def _unnumbered(self, frame):
         """A frame whose atoms have no numbers of their own: nothing that the script says of single atoms can be put to
         them; masses are those of types, where no atom has one of its own."""
-        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        table = self._table_of(frame)
         one_type = table.n_types == 1 and "types" not in self.changing
         if frame.masses is None and "masses" not in self.changing and (one_type or self._own(frame, "types")):
             of_type = table.type_masses
@@ -260,11 +252,8 @@ class Setup:
                 continue
             keys = SECTIONS if p == "topology" else (p,)
             c = next((self.edits[k] for k in (*keys, "ids") if k in self.edits), None)
-            if (
-                c is not None
-                and (p in self.needs or p != "charges")
-                and not (p == "topology" and not self._has_bonds())
-            ):
+            matters = self._has_bonds() if p == "topology" else p in self.needs or p != "charges"
+            if c is not None and matters:
                 raise AtcError(
                     f"{frame.source} does not number its atoms, so that {c.name} ({c.where}) cannot be put to them: "
                     "dump id too"
@@ -283,7 +272,7 @@ class Setup:
     def _periodic(self):
         """Which axes the last boundary line makes periodic, None if there is none."""
         found = [c for c in self.commands if c.name == "boundary" or (c.name == "change_box" and "boundary" in c.words)]
-        return [w in ("p", "pp") for w in boundary_words(found[-1])] if found else None
+        return periodic_axes(boundary_words(found[-1])) if found else None
 
     def _own(self, frame, p) -> bool:
         """Whether a frame shows a property itself."""
@@ -303,20 +292,19 @@ class Setup:
     def _named_file(self, given) -> None:
         """A named data file that has the name of the one the script reads stands for it, where that is not there."""
         missing = self.missing
-        named = next(
-            (Path(v) for k, v in given.items() if k in (*_FRAME, "topology") and v not in ("assumed", "order")), None
-        )
+        files = [v for k, v in given.items() if k in (*_FRAME, "topology") and v not in ("assumed", "order")]
+        named = Path(files[0]) if files else None
         self._stand_in = named if missing is not None and named is not None and named.name == missing.name else None
 
     def _check_atoms(self, frame, table, found) -> None:
         """The atoms of the frame are those of the script."""
-        if not found.all() and table.complete and self.data_files and self.missing_or_none(table) is None:
+        if not found.all() and table.complete and self.data_files and self._lacking is None:
             raise AtcError(
                 f"{frame.source}: atom {frame.ids[~found][0]} is not among the atoms of {self.name} "
                 f"({', '.join(p.name for p in self.data_files)}): they belong to different systems; where only the "
                 "model of the script is meant, write its lines into lammps of [potential]"
             )
-        if table.may_miss or self.may_lose or not self.data_files or self.missing_or_none(table) is not None:
+        if table.may_miss or self.may_lose or not self.data_files or self._lacking is not None:
             return
         _, there = rows_of(frame.ids, table.ids)
         gone = table.alive & ~there
@@ -326,9 +314,6 @@ class Setup:
                 f"{table.ids[gone][0]} is missing, and the forces of "
                 "atoms that are not there cannot be computed: dump all atoms"
             )
-
-    def missing_or_none(self, table):
-        return self.missing if self._stand_in is None else None
 
     def _trust(self, frame, what, file, why) -> None:
         """Whether to take the word of a file that the user named for what the script's commands leave open."""
@@ -368,21 +353,16 @@ class Setup:
             if p in self.needs or p == "types":
                 raise AtcError(f"{frame.source}: the {p} of atoms are needed and not known: {why}: {_DUMP[p]}")
             return None
-        if p in ("charges", "masses"):
-            values = values * getattr(u, {"charges": "charge", "masses": "mass"}[p])
-        if (
-            old is not None
-            and file
-            and file not in ("assumed", "order")
-            and not self.is_own(file)
-            and self._stand_in is None
-        ):
+        if p in _UNITS:
+            values = values * getattr(u, _UNITS[p])
+        named = file and file not in ("assumed", "order") and not self.is_own(file) and self._stand_in is None
+        if old is not None and named:
             same = np.isclose(values, old, rtol=1e-6, atol=0.0)
             if not same.all():
                 a = np.flatnonzero(~same)[0]
                 c = self.edits.get(p)
                 by = f" ({c.name}, {c.where})" if c is not None else ""
-                back = 1.0 if p in ("types", "molecules") else getattr(u, {"charges": "charge", "masses": "mass"}[p])
+                back = getattr(u, _UNITS[p]) if p in _UNITS else 1.0
                 raise AtcError(
                     f"{frame.source}: {file} gives atom {frame.ids[a]} the {_SAYS[p]} {old[a] / back:g}, {self.name} "
                     f"the {_SAYS[p]} {values[a] / back:g}{by}: name the data file of this run, or none"
@@ -405,7 +385,7 @@ class Setup:
         if frame.topology is not None and not file:
             return None
         why = next((table.why[s] for s in SECTIONS if s in table.why), None)
-        missing = self.missing if self._stand_in is None else None
+        missing = self._lacking
         if why is None and missing is not None and self._has_bonds():
             if file and not any(s in self.edits for s in SECTIONS):
                 return None
@@ -429,9 +409,8 @@ class Setup:
     def _compare(self, frame, top, file) -> None:
         for section in SECTIONS:
             name = section.lower()
-            mine, theirs = (
-                _canonical(getattr(t, name), getattr(t, f"{name[:-1]}_types")) for t in (top, frame.topology)
-            )
+            both = top, frame.topology
+            mine, theirs = (_canonical(getattr(t, name), getattr(t, f"{name[:-1]}_types")) for t in both)
             if not np.array_equal(mine, theirs):
                 c = self.edits.get(section)
                 by = f" (with {c.name}, {c.where})" if c is not None else ""
@@ -450,7 +429,7 @@ class Setup:
         if frame.given.get("ids"):
             who = f"who is in group {names[0]} is not known"
             raise AtcError(f"{frame.source} does not number its atoms, so that {who}: dump id too")
-        table = self.atoms(frame.ids, frame.types if self._own(frame, "types") else None)
+        table = self._table_of(frame)
         rows, found = rows_of(table.ids, frame.ids, table.alive)
         inside = np.ones(len(frame), bool)
         for name in names:
@@ -470,8 +449,6 @@ class Setup:
     def _group_bits(self, frame, table, rows, found):
         bits = np.zeros(len(frame), np.int64)
         for k, name in enumerate(self.groups):
-            from .regions import Trouble
-
             try:
                 g = table.group(name)
             except Trouble as e:

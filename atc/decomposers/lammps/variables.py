@@ -16,24 +16,12 @@ _TOKEN = re.compile(
 )
 _CONSTANTS = {"PI": math.pi, "yes": 1.0, "on": 1.0, "true": 1.0, "no": 0.0, "off": 0.0, "false": 0.0}
 _FUNCTIONS = {
-    "sqrt": (1, math.sqrt),
-    "exp": (1, math.exp),
+    **{w: (1, getattr(math, w)) for w in "sqrt exp sin cos tan asin acos atan sinh cosh tanh ceil floor".split()},
     "ln": (1, math.log),
     "log": (1, math.log10),
     "abs": (1, abs),
     "sign": (1, lambda x: 1.0 if x >= 0 else -1.0),
-    "sin": (1, math.sin),
-    "cos": (1, math.cos),
-    "tan": (1, math.tan),
-    "asin": (1, math.asin),
-    "acos": (1, math.acos),
-    "atan": (1, math.atan),
     "atan2": (2, math.atan2),
-    "sinh": (1, math.sinh),
-    "cosh": (1, math.cosh),
-    "tanh": (1, math.tanh),
-    "ceil": (1, math.ceil),
-    "floor": (1, math.floor),
     "round": (1, lambda x: math.ceil(x) if x - math.floor(x) >= 0.5 else math.floor(x)),
     "ternary": (3, lambda c, a, b: a if c else b),
 }
@@ -271,34 +259,43 @@ class Variables:
         self._left -= 1
         if depth > _DEEPEST or self._left < 0:
             raise Unknown(f"the formula {formula[:60]!r} refers to itself, or to too many others")
-        tokens, p = [], 0
         formula = formula.strip()
-        while p < len(formula):
-            m = _TOKEN.match(formula, p)
-            if not m:
-                raise Unknown(f"cannot evaluate {formula!r}: {formula[p:].strip()[:12]!r} is not understood")
-            number, name, op = m.groups()
-            tokens.append(("n", float(number)) if number else ("v", name) if name else ("o", op))
-            p = m.end()
-        parser = _Parser(tokens, self, formula, depth)
+        parser = _Formula(formula, tokens_of(formula, _TOKEN, ""), self, depth)
         try:
-            value = parser.expression(0)
-            if parser.p != len(tokens):
-                raise Unknown(f"cannot evaluate {formula!r}: {tokens[parser.p][1]!r} is not expected there")
+            return float(parser.whole())
         except (ValueError, ZeroDivisionError, OverflowError) as e:
-            raise Unknown(f"cannot evaluate {parser.formula!r}: {e}") from None
-        return float(value)
+            raise parser.bad(e) from None
 
 
-class _Parser:
-    def __init__(self, tokens, variables, formula, depth):
-        self.tokens, self.variables, self.formula, self.depth = (
-            tokens,
-            variables,
-            formula if len(formula) < 80 else formula[:77] + "...",
-            depth,
-        )
+def tokens_of(text: str, pattern, what: str):
+    """The groups of each token of an expression; `what` it is, for messages."""
+    p = 0
+    while p < len(text):
+        m = pattern.match(text, p)
+        if not m:
+            shown = text[p:].strip()[:12]
+            raise Unknown(f"cannot evaluate {what}{_shortened(text)!r}: {shown!r} is not understood")
+        yield m.groups()
+        p = m.end()
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) < 80 else text[:77] + "..."
+
+
+class Parser:
+    """An expression of tokens (kind, value), by precedence: kind "op" for operators and brackets. What the others stand
+    for is said by `value`."""
+
+    what = ""  # it is, for messages
+    signs = ("!",)
+
+    def __init__(self, text, tokens):
+        self.text, self.tokens = _shortened(text), list(tokens)
         self.p = self.level = 0
+
+    def bad(self, why) -> Unknown:
+        return Unknown(f"cannot evaluate {self.what}{self.text!r}: {why}")
 
     def peek(self):
         return self.tokens[self.p] if self.p < len(self.tokens) else ("end", "the end")
@@ -309,55 +306,80 @@ class _Parser:
         return t
 
     def expect(self, op):
-        kind, v = self.take()
-        if (kind, v) != ("o", op):
-            raise Unknown(f"cannot evaluate {self.formula!r}: expected {op!r}, found {v!r}")
+        token = self.take()
+        if token != ("op", op):
+            raise self.bad(f"expected {op!r}, found {token[1]!r}")
+
+    def whole(self):
+        value = self.expression(0)
+        if self.p != len(self.tokens):
+            raise self.bad(f"{self.peek()[1]!r} is not expected there")
+        return value
 
     def expression(self, least):
         self.level += 1
         if self.level > _DEEPEST:
-            raise Unknown(f"cannot evaluate {self.formula!r}: too many brackets")
+            raise self.bad("too many brackets")
         left = self.unary()
         while True:
             kind, op = self.peek()
-            if kind != "o" or op not in _BINARY or _BINARY[op][0] <= least:
+            if kind != "op" or op not in _BINARY or _BINARY[op][0] <= least:
                 self.level -= 1
                 return left
             self.take()
-            left = _BINARY[op][1](left, self.expression(_BINARY[op][0]))
+            left = self.joined(op, left, self.expression(_BINARY[op][0]))
+
+    def joined(self, op, a, b):
+        return _BINARY[op][1](a, b)
 
     def unary(self):
         signs = []
-        while self.peek() in (("o", "-"), ("o", "!")):
+        while self.peek()[0] == "op" and self.peek()[1] in self.signs:
             signs.append(self.take()[1])
         value = self.atom()
         for sign in reversed(signs):
-            value = -value if sign == "-" else float(not value)
+            value = self.signed(sign, value)
         return value
+
+    def signed(self, sign, value):
+        return -value if sign == "-" else float(not value)
 
     def atom(self):
         kind, v = self.take()
-        if (kind, v) == ("o", "("):
+        if (kind, v) == ("op", "("):
             value = self.expression(0)
             self.expect(")")
             return value
-        if kind == "n":
-            return v
-        if kind == "v":
-            return self.name(v)
-        raise Unknown(f"cannot evaluate {self.formula!r}: {v!r} is not expected there")
+        if kind in ("op", "end"):
+            raise self.bad(f"{v!r} is not expected there")
+        return self.value(kind, v)
 
-    def name(self, v):
-        if v in _FUNCTIONS and self.peek() == ("o", "("):
+    def value(self, kind, v):
+        raise NotImplementedError
+
+
+class _Formula(Parser):
+    signs = ("-", "!")
+
+    def __init__(self, text, groups, variables, depth):
+        super().__init__(
+            text, (("number", float(n)) if n else ("name", name) if name else ("op", op) for n, name, op in groups)
+        )
+        self.variables, self.depth = variables, depth
+
+    def value(self, kind, v):
+        if kind == "number":
+            return v
+        if v in _FUNCTIONS and self.peek() == ("op", "("):
             count, f = _FUNCTIONS[v]
             self.take()
             args = [self.expression(0)]
-            while self.peek() == ("o", ","):
+            while self.peek() == ("op", ","):
                 self.take()
                 args.append(self.expression(0))
             self.expect(")")
             if len(args) != count:
-                raise Unknown(f"cannot evaluate {self.formula!r}: {v} takes {count} numbers, got {len(args)}")
+                raise self.bad(f"{v} takes {count} numbers, got {len(args)}")
             return f(*args)
         if v in _CONSTANTS:
             return _CONSTANTS[v]
@@ -365,7 +387,4 @@ class _Parser:
             return self.variables.number(v[2:], self.depth)
         if m := re.fullmatch(r"v_(\w+)\[(\d{1,9})\]", v):
             return self.variables.element(m[1], int(m[2]), self.depth)
-        raise Unknown(
-            f"cannot evaluate {self.formula!r}: {v!r} is only known while LAMMPS runs: write the number that it has "
-            "there"
-        )
+        raise self.bad(f"{v!r} is only known while LAMMPS runs: write the number that it has there")

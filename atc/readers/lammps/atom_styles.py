@@ -131,11 +131,8 @@ class AtomStyle:
         does not say its species."""
         if not self.hybrid:
             columns = ATOM_STYLES[self.parts[0]].split()
-            return (
-                columns + self._species(0 if width is None else width - len(columns))
-                if self.parts[0] == "tdpd"
-                else columns
-            )
+            more = 0 if width is None else width - len(columns)
+            return columns + self._species(more) if self.parts[0] == "tdpd" else columns
         columns, have = list(_BEHIND), set(_BEHIND)
         for name in self.parts:
             more = self._species(0) if name == "tdpd" else ATOM_STYLES[name].split()
@@ -234,10 +231,8 @@ def _fits(column: str, word: str) -> bool:
     meaning."""
     if column == "type":
         return not re.fullmatch(r"[-+]?(\d+\.\d*|\.\d+|0|-\d+|\d*\.?\d+[eE].*)", word)
+    if column in _NOT_NEGATIVE and word.startswith("-"):
+        return False
     if column in WHOLE:
-        return bool(re.fullmatch(r"[01]" if column.endswith("flag") else r"[-+]?\d+", word)) and not (
-            column in _NOT_NEGATIVE and word.startswith("-")
-        )
-    return bool(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", word)) and not (
-        column in _NOT_NEGATIVE and word.startswith("-")
-    )
+        return bool(re.fullmatch(r"[01]" if column.endswith("flag") else r"[-+]?\d+", word))
+    return bool(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", word))

@@ -255,13 +255,9 @@ class LammpsBinaryDump(ScannedTrajectory):
                 "'dump atom'; convert it with LAMMPS's binary2txt and write the names behind 'ITEM: ATOMS'"
             )
             whole = table[:, [0, 1, *range(5, h.width)]]
-            if (
-                h.width not in (5, 8)
-                or not h.n
-                or not (whole == np.rint(whole)).all()
-                or table[:, :2].min() < 1
-                or len(set(table[:, 0])) < h.n
-            ):
+            if h.width not in (5, 8) or not h.n or not (whole == np.rint(whole)).all():
+                raise AtcError(problem)
+            if table[:, :2].min() < 1 or len(set(table[:, 0])) < h.n:
                 raise AtcError(problem)
             lo, hi = np.array(h.box[0:6:2]), np.array(h.box[1:6:2])
             # Atoms of a dump lie in the box, give or take a little between reneighbourings: 10 % of it.
@@ -269,13 +265,8 @@ class LammpsBinaryDump(ScannedTrajectory):
             scaled = bool((x >= -0.1).all() and (x <= 1.1).all())
             plain = bool((x >= lo - 0.1 * (hi - lo)).all() and (x <= hi + 0.1 * (hi - lo)).all())
             # A handful of atoms may sit in the unit cube of a large box by chance; in a filled box they cannot.
-            if (
-                scaled
-                and plain
-                and h.n >= 100
-                and (np.ptp(x, axis=0) < 0.5 * (hi - lo)).any()
-                and (np.ptp(x, axis=0) > 0.5).all()
-            ):
+            span = np.ptp(x, axis=0)
+            if scaled and h.n >= 100 and (span < 0.5 * (hi - lo)).any() and (span > 0.5).all():
                 plain = False
             if scaled == plain:
                 raise AtcError(problem)

@@ -111,21 +111,13 @@ class LammpsCfg(LammpsTrajectory):
         lines = lines[: 3 * self._n]
         joined = np.frombuffer(b"".join(b" ".join(lines[3 * k : 3 * k + 3]) + b"\n" for k in range(self._n)), np.uint8)
         # Positions have names of their own: an auxiliary x is another column.
-        names = [
-            f"auxiliary {name}" if name in ("mass", "element", "xs", "ys", "zs", "x", "y", "z") else name
-            for name in names
-        ]
+        own = ("mass", "element", "xs", "ys", "zs", "x", "y", "z")
+        names = [f"auxiliary {name}" if name in own else name for name in names]
         if len(set(names)) < len(names):
             raise self._fail(line, "an auxiliary column is there twice")
         sample = lines[2].split()[3:]
-        kinds = [
-            INT
-            if n in INT_COLUMNS
-            else FLOAT
-            if c >= len(sample) or is_number(sample[c]) or n in KNOWN_FLOATS
-            else TEXT
-            for c, n in enumerate(names)
-        ]
+        numeric = [c >= len(sample) or is_number(sample[c]) or n in KNOWN_FLOATS for c, n in enumerate(names)]
+        kinds = [INT if n in INT_COLUMNS else FLOAT if number else TEXT for n, number in zip(names, numeric)]
         first = line + 1
         self._columns = parse_columns(
             joined, ["mass", "element", "xs", "ys", "zs", *names], [FLOAT, TEXT, FLOAT, FLOAT, FLOAT, *kinds], self._n,
@@ -175,6 +167,5 @@ class LammpsCfg(LammpsTrajectory):
 
     def _precision(self, frame):
         step, why = text_resolution([w.decode("utf-8", "replace") for w in self._sample])
-        return step * (_EXPANDED if self._unwrapped else 1.0) * float(
-            np.linalg.norm(frame.cell.vectors, axis=1).max()
-        ), why
+        longest = float(np.linalg.norm(frame.cell.vectors, axis=1).max())
+        return step * (_EXPANDED if self._unwrapped else 1.0) * longest, why

@@ -193,9 +193,8 @@ class LammpsData:
         else:
             self.style = given or AtomStyle("atomic", self.source)
             self.atom_style = self.style.name
-            self._raw["atoms"] = {
-                c: np.zeros(0, np.int64 if c in ("id", "type") else float) for c in ("id", "type", "x", "y", "z")
-            }
+            kinds = {"id": np.int64, "type": np.int64, "x": float, "y": float, "z": float}
+            self._raw["atoms"] = {c: np.zeros(0, kind) for c, kind in kinds.items()}
             self._mass_n, self._masses_unsure, self._certain, self._lines = None, False, True, ()
         self._default_bounds([self._raw["atoms"][c] for c in "xyz"])
         if "Velocities" in f.places:
@@ -325,11 +324,8 @@ class LammpsData:
         if "Velocities" not in self._file.places:
             return False
         rows = self._file.section("Velocities").rows(1)
-        return (
-            bool(rows)
-            and len(rows[0]) == 4
-            and not any(name in self._file.places for name in ("Ellipsoids", "Bodies", "Lines", "Triangles"))
-        )
+        shaped = any(name in self._file.places for name in ("Ellipsoids", "Bodies", "Lines", "Triangles"))
+        return bool(rows) and len(rows[0]) == 4 and not shaped
 
     def _fitting(self, style, row, given, at) -> list[str]:
         """The columns of a style, with image flags if the lines have them; an error if the lines have other ones."""

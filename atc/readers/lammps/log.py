@@ -341,11 +341,8 @@ def _last_digits(columns) -> list[np.ndarray]:
     for texts, (digits, decimals, whole) in zip(columns, looks, strict=True):
         values = np.array([float(t) for t in texts])
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(
-                values != 0,
-                10.0 ** (np.floor(np.log10(np.abs(values))) + 1 - min(max(digits, most) if whole else digits, 17)),
-                0.0,
-            )
+            shown = min(max(digits, most) if whole else digits, 17)
+            step = np.where(values != 0, 10.0 ** (np.floor(np.log10(np.abs(values))) + 1 - shown), 0.0)
         if decimals:
             step = np.maximum(step, 10.0**-decimals)
         out.append(np.where(np.isfinite(step), step, np.inf))
@@ -360,9 +357,8 @@ def _look_of(texts):
         mantissa, _, exponent = t.lstrip("+-").lower().partition("e")
         before, point, fraction = mantissa.partition(".")
         whole &= not point and not exponent
-        decimals.add(
-            len(fraction) - int(exponent) if exponent.lstrip("+-").isdecimal() and len(exponent) < 6 else len(fraction)
-        )
+        power = int(exponent) if exponent.lstrip("+-").isdecimal() and len(exponent) < 6 else 0
+        decimals.add(len(fraction) - power)
         digits = max(digits, len((before + fraction).lstrip("0")))
     common = next(iter(decimals)) if len(decimals) == 1 and len(texts) > 1 else 0
     return digits, max(common, 0), whole

@@ -94,11 +94,8 @@ def _extents(part, atoms, sections, source):
         if (size < 0).any():
             raise AtcError(f"{source}: section {name}: atom {ids[(size < 0).any(axis=1)][0]} has a negative diameter")
         return _BALL * size.prod(axis=1)[row], has
-    p = [
-        np.stack([s[f"{a}{k}"] if f"{a}{k}" in s else np.zeros(len(ids)) for a in "xyz"], axis=1)
-        for k in (1, 2, 3)
-        if f"x{k}" in s
-    ]
+    nothing, corners = np.zeros(len(ids)), [k for k in (1, 2, 3) if f"x{k}" in s]
+    p = [np.stack([s.get(f"{a}{k}", nothing) for a in "xyz"], axis=1) for k in corners]
     if part == "line":
         return np.linalg.norm(p[1] - p[0], axis=1)[row], has
     return 0.5 * np.linalg.norm(np.cross(p[1] - p[0], p[2] - p[0]), axis=1)[row], has

@@ -171,11 +171,8 @@ def _check_special(out, f):
             shells.append({c for b in shells[-1] for c in near[b]} - seen)
             seen |= shells[-1]
         cut = (0, n12, n12 + n13, n12 + n13 + n14)
-        if (
-            min(n12, n13, n14) < 0
-            or cut[3] != len(members)
-            or any(set(members[cut[k] : cut[k + 1]]) != shells[k + 1] for k in range(3))
-        ):
+        other = any(set(members[cut[k] : cut[k + 1]]) != shells[k + 1] for k in range(3))
+        if other or min(n12, n13, n14) < 0 or cut[3] != len(members):
             raise AtcError(
                 f"{where}: the special bonds of atom {a} are not those that the section Bonds makes: such lists are "
                 "not supported"
