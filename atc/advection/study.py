@@ -10,7 +10,9 @@ import numpy as np
 
 from ..config.formula import formula
 from ..errors import AtcError
+from ..pictures.drawing import STYLE
 from ..readers.whole import whole_text
+from ..running.output import explained
 from .equation import KERNELS, AdvectionRun, Kernel, advect
 from .reference import cole_hopf
 
@@ -208,9 +210,6 @@ def picture(study: Study, path: Path) -> Path:
     """A run: space-time map, profiles with the local solution, ledgers. A convergence study: profiles and errors."""
     import matplotlib
     from matplotlib.figure import Figure
-
-    from ..pictures.drawing import STYLE
-    from ..running.output import explained
 
     ds = study.dataset
     with matplotlib.rc_context(STYLE):

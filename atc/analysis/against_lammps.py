@@ -8,6 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..pictures.components import TENSOR, TENSOR_SCALARS, VECTOR, component
+from ..pictures.drawing import require_frame, save
+from ..pictures.geometry import fields_of, points_of_grid, rank
+from ..pictures.profiles import profiles_figure
+from ..running.output import load
 from .compare import Comparison, sizes
 
 #: Which field a column of LAMMPS is, where its name says it.
@@ -33,8 +38,6 @@ class AgainstLammps(Comparison):
 
     def picture(self, path) -> Path:
         """Profiles of both; returns the path."""
-        from ..pictures.drawing import save
-        from ..pictures.profiles import profiles_figure
 
         pairs = [(n, n.removesuffix("_lammps")) for n in self.data.data_vars if n.endswith("_lammps")]
         curves = [(name, {"atc": self.data[name], "LAMMPS": self.data[theirs]}) for theirs, name in pairs]
@@ -68,9 +71,7 @@ def compare_with_lammps(ds, file, columns=None, *, frame=None, units=None) -> Ag
     """
     import xarray as xr
 
-    from ..pictures.geometry import points_of_grid
     from ..readers.lammps.grid import read_grid
-    from ..running.output import load
 
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
     ds = load(ds)
@@ -153,15 +154,12 @@ def _pairs(ds, theirs, columns, name, file):
 
 
 def _known(ds) -> str:
-    from ..pictures.geometry import fields_of
 
     return ", ".join(fields_of(ds)) or "none on a grid"
 
 
 def _field(ds, key):
     """(name, component) of a field of the output: ``density``, ``stress_xx``; None if it has no such."""
-    from ..pictures.components import TENSOR, TENSOR_SCALARS, VECTOR
-    from ..pictures.geometry import fields_of, rank
 
     fields = fields_of(ds)
     if key in fields and rank(ds[key]) == 0:
@@ -263,7 +261,6 @@ def _elsewhere(name, shape, file, other) -> str:
 
 def _entries(ds, theirs, frame, expressions):
     """Which entries of both are averaged, and what to say of it."""
-    from ..pictures.drawing import require_frame
 
     n = ds.sizes.get("frame", 1)
     ours = list(range(n)) if frame is None else [require_frame(ds, frame) % n]
@@ -291,8 +288,6 @@ def _range(steps) -> str:
 
 def _mean_of_ours(ds, field, comp, which, dims, axes, name):
     """The mean over entries, and over the axes that LAMMPS did not resolve."""
-    from ..pictures.components import component
-    from ..pictures.geometry import rank
 
     tail = ["i", "j"][: rank(ds[field])]
     others = tuple(k for k in range(len(dims)) if k not in axes)

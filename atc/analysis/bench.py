@@ -17,7 +17,13 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..estimators.methods import Method
+from ..estimators.registry import Work
+from ..estimators.settings import Settings
 from ..grids.planes import through_planes
+from ..pictures.drawing import save
+from ..planning.costs import direct as direct_seconds
+from ..planning.costs import gather as gather_seconds
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 #: A rung that took less than this, CPU and wall seconds together, is run once more, and the better time counts: the
@@ -83,8 +89,6 @@ class Bench:
     def picture(self, path) -> None:
         """Error against CPU seconds, both logarithmic, with the front."""
         from matplotlib.figure import Figure
-
-        from ..pictures.drawing import save
 
         figure = Figure(figsize=(6.4, 4.6), layout="constrained")
         ax = figure.add_subplot()
@@ -158,10 +162,6 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     AtcError for a request without fields on a grid.
     """
     from ..estimators.driver import fields_of
-    from ..estimators.methods import Method
-    from ..estimators.registry import Work
-    from ..planning.costs import direct as direct_seconds
-    from ..planning.costs import gather as gather_seconds
     from ..planning.job import prepare
     from ..planning.method_choice import carriers, cheapest, sizes
 
@@ -276,7 +276,6 @@ def _binned(frame, job, bound, exact) -> Rung | None:
     """Per-atom virials added up in the cells of a grid over the whole box, over the cells' volume: what plain binning
     gives."""
     from ..estimators.driver import fields_of
-    from ..estimators.settings import Settings
 
     if not (bound.tiles or bound.kind == "slab"):
         return None

@@ -12,7 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..contracts import Interactions
+from ..deposit import make
 from ..errors import AtcError
+from ..units import units
 
 #: Forces that do not add up to 0, energies of atoms that are not those of the whole, of the sum of their sizes.
 _ROUNDING = 1e-6
@@ -30,7 +32,6 @@ class Calculator(Interactions):
     cutoff = 0.0
 
     def __init__(self, calc, name: str | None = None):
-        from ..units import units
 
         if not (hasattr(calc, "get_property") or hasattr(calc, "get_forces")):
             raise AtcError(
@@ -102,7 +103,6 @@ class Calculator(Interactions):
     # --- one frame, in ASE's units, which are the internal ones
 
     def _profiles(self, frame, kern, bound, heat, zero):
-        from ..deposit import make
 
         cell, axis, here = bound.cell, bound.axis, f"{frame.source}: {self.name}"
         height, volume = cell.heights[axis], cell.volume

@@ -12,10 +12,14 @@ import os
 
 import numpy as np
 
+from ..decomposers.long_range.kspace import converged
 from ..errors import AtcError
 from ..estimators import balance as law
 from ..estimators.accuracy import balance_limits as limits
 from ..estimators.accuracy.random_points import kernel_internal
+from ..padding import resolved
+from ..readers.memory import completed
+from ..readers.planar import matched
 from .check_report import EXACT, Findings, Frames, Outcome, Report, number, relative, report
 
 #: Divergences by differences hold within this many times their own error estimate (or EXACT, if that is larger).
@@ -72,9 +76,6 @@ def check(
     AtcError for frames without masses or velocities, a potential that does not fit, nothing to look at.
     """
     from .. import read
-    from ..decomposers.long_range.kspace import converged
-    from ..readers.memory import completed
-    from ..readers.planar import matched
 
     traj, pot = matched(completed(read(traj), pot), pot)
     n_frames = len(traj)
@@ -103,8 +104,6 @@ def check(
     notes: list[str] = []
     bound = None
     if grid is not None:
-        from ..padding import resolved
-
         bound = resolved(grid, kern, frame).bind(frame.units, frame.cell, frame.positions)
         if bound.kind == "slab":
             notes.append("a slab profile has no points of its own: random points only")

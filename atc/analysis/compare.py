@@ -9,14 +9,24 @@ instead of along the bond.
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from ..config.scene import Scene
 from ..errors import AtcError
+from ..pictures.comparison import compare_figure
+from ..pictures.components import component
+from ..pictures.drawing import kernel_title, require_frame, save
+from ..pictures.geometry import points_of_grid
+from ..running.output import load, of_species
 from ..terminal import tell
+from ..unit_words import NotAUnit, in_units, unit_of
 
 SIX = ("xx", "yy", "zz", "xy", "xz", "yz")
 SHOWN = (*SIX, "hydrostatic", "vonmises")
@@ -71,8 +81,6 @@ class Comparison:
 
     def csv(self) -> str:
         """The table as CSV, numbers unrounded."""
-        import csv
-        import io
 
         out = io.StringIO()
         columns = list(dict.fromkeys(k for row in self.rows for k in row))
@@ -111,8 +119,6 @@ class Comparison:
 
     def picture(self, path) -> Path:
         """Draw the comparison; returns the path."""
-        from ..pictures.comparison import compare_figure
-        from ..pictures.drawing import save
 
         return save(compare_figure(self), path)
 
@@ -192,11 +198,6 @@ def compare(ds, *, frame=None, species=None, units=None) -> Comparison:
     """
     import xarray as xr
 
-    from ..pictures.drawing import kernel_title
-    from ..pictures.geometry import points_of_grid
-    from ..running.output import load, of_species
-    from ..unit_words import in_units
-
     name = "output" if isinstance(ds, xr.Dataset) else str(ds)
     ds = in_units(of_species(load(ds), species), units)
     hardy_name = next((n for n in STRESSES if n in ds), None)
@@ -237,7 +238,6 @@ _NEEDED = [kind + stress for kind in ("", "virial_", "smoothed_virial_") for str
 
 def _entries(ds, frame):
     """Which entries are averaged, and what to call that."""
-    from ..pictures.drawing import require_frame
 
     n = ds.sizes.get("frame", 1)
     averaged = "frames_averaged" in ds
@@ -268,7 +268,6 @@ def _means(ds, names, entries, place):
 
 def _box_averages(out, ds, boxes, place, single):
     from ..estimators.statistics import BlockAverage
-    from ..pictures.components import component
 
     for suffix in ("", "_potential"):
         if f"virial_stress{suffix}" not in boxes or f"stress{suffix}" not in boxes:
@@ -335,9 +334,6 @@ def _column_stress(out, ds, entries, place):
     A density of stress times volume is a stress: no volume of an atom is needed. LAMMPS's stress/atom is tension
     positive, components xx, yy, zz, xy, xz, yz.
     """
-    import re
-
-    from ..unit_words import NotAUnit, unit_of
 
     bases = {m.group(1) for n in ds.data_vars if (m := re.fullmatch(r"column:(.+)\[1\]", str(n)))}
     for base in sorted(bases):
@@ -366,7 +362,6 @@ def _column_stress(out, ds, entries, place):
 
 
 def _pointwise(out, ds, mean, hardy_name, place, single, scale, column=None):
-    from ..pictures.components import component
 
     part = hardy_name.removeprefix("stress")
     name = "smoothed_virial_stress" + part
@@ -411,7 +406,6 @@ def sizes(d, scale, rms=None) -> dict:
 
 def _of_column(out, column, hardy, virial, scale) -> None:
     """How the run's own smoothed stress differs from both; the sign trap is told."""
-    from ..pictures.components import component
 
     name, tensor = column
     for title, other in ((f"pointwise, {name} - smoothed virial", virial), (f"pointwise, {name} - Hardy", hardy)):
@@ -431,7 +425,6 @@ def _of_column(out, column, hardy, virial, scale) -> None:
 
 def _profiles(out, hardy, virial, place, scale, column=None):
     """Means over the other axes, empty space counted as empty, so that a profile times the area is a force."""
-    from ..pictures.components import component
 
     if place.kind not in ("volume", "plane", "line", "slab", "planes"):
         return
@@ -482,7 +475,6 @@ def compare_radii(scene, radii, *, jobs: int = 1, progress=None) -> Comparison:
     -------
     Comparison with one row a radius; `data` holds the numbers along a ``radius`` dimension
     """
-    from ..config.scene import Scene
 
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     size = "width" if scene.get("kernel", "width") is not None and scene.get("kernel", "radius") is None else "radius"

@@ -7,6 +7,7 @@ times volume.
 from __future__ import annotations
 
 import json
+import time
 import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..estimators.cepstrum import zero_frequency
+from ..estimators.correlation import Plateau, mean_and_error, running_integral, segment_integrals
+from ..estimators.correlation import plateau as find_plateau
+from ..estimators.settings import Settings
+from ..estimators.sources import drift_velocity
+from ..pictures.drawing import save
+from ..readers.planar import matched
+from ..readers.times import Clock
+from ..readers.trajectory import Trajectory
 from ..terminal import tell
 from ..units import Units, units
 
@@ -77,15 +87,9 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
         a change of the time step), or the number of atoms changes. The frame with which a continued run begins, if it
         is the one before once more, is left out.
     """
-    import time
 
     from ..estimators.driver import fields_of
-    from ..estimators.settings import Settings
-    from ..estimators.sources import drift_velocity
     from ..neighbors.verlet import Following
-    from ..readers.planar import matched
-    from ..readers.times import Clock
-    from ..readers.trajectory import Trajectory
 
     settings = Settings(names=("heat_current",), pot=pot, threads=threads or 1, check_points=0)
     J, volumes, temperatures, first = [], [], [], None
@@ -303,7 +307,6 @@ class Conductivity:
 
     def picture(self, path) -> Path:
         """Draw the correlation function and its integral; returns the path."""
-        from ..pictures.drawing import save
 
         return save(self.figure(), path)
 
@@ -407,9 +410,6 @@ def conductivity(
 
 
 def _analysed(currents: HeatCurrents, segments, plateau, longest) -> Conductivity:
-    from ..estimators.cepstrum import zero_frequency
-    from ..estimators.correlation import mean_and_error, running_integral, segment_integrals
-    from ..estimators.correlation import plateau as find_plateau
 
     u = currents.units
     J = currents.J_tc[:, : u.dimension]
@@ -555,7 +555,6 @@ def _positive(x, name, u, dimension="time") -> float:
 
 
 def _given_plateau(given, runs, u):
-    from ..estimators.correlation import Plateau
 
     try:
         begin, end = (float(t) for t in given)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from ..errors import AtcError
 from ..readers.plausible import doubts, stress_error
+from ..running.output import Damaged, damage, load, open_dataset
 from ..terminal import tell
 
 _WORTH_A_WARNING = 1e-3
@@ -171,12 +173,10 @@ def _state(frame, data) -> str:
 
 def is_output(source) -> bool:
     """Whether a file is an output of atc, by its name and what it says of itself."""
-    from pathlib import Path
 
     path = Path(str(source))
     if path.suffix not in (".nc", ".zarr") or not os.path.exists(path):
         return False
-    from ..running.output import Damaged, open_dataset
 
     try:
         with open_dataset(path) as ds:
@@ -189,7 +189,6 @@ def is_output(source) -> bool:
 
 def describe_output(path) -> Report:
     """What an output of atc holds: its fields, their units and errors, and how it was made."""
-    from ..running.output import Damaged, damage, load
 
     why = damage(path)
     if why:

@@ -15,8 +15,13 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from ..estimators.tensors import quotient
+from ..frame import Frame
+from ..readers.memory import FrameList
+from ..readers.planar import matched
+from ..readers.trajectory import Trajectory
 from ..units import units
 from .profile_table import Profile, Value, series_mean
+from .species_profile import BOUNDARIES, Seen, SpeciesSums, add_species
 
 #: Root of the mean square of the deviations of p_N from its mean, in their standard errors, up to which it is called
 #: constant. 1 is expected of independent frames and true errors; those of few blocks are too small by chance.
@@ -158,11 +163,6 @@ def _asked(potential: bool) -> list[str]:
 
 def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None, **how) -> Profile:
     from .. import fields, read
-    from ..frame import Frame
-    from ..readers.memory import FrameList
-    from ..readers.planar import matched
-    from ..readers.trajectory import Trajectory
-    from .species_profile import BOUNDARIES, Seen, SpeciesSums, add_species
 
     if isinstance(interfaces, bool) or not isinstance(interfaces, int) or interfaces < 1:
         raise AtcError(f"interfaces={interfaces!r}: expected a whole number of at least 1")

@@ -13,7 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..pictures.comparison import compare_figure
+from ..pictures.components import component
+from ..pictures.drawing import figure, label_of
+from ..pictures.geometry import fields_of, points_of_grid, rank, unit_text
+from ..pictures.plotting import plot
+from ..pictures.symbols import symbol
+from ..running.output import load, of_species
 from ..running.whole import replacing
+from ..unit_words import in_units
+from .compare import ACCURACY, _cell, _heading, compare
 from .html import document, facts, figure_of, table, warned_of
 
 #: What is drawn, as far as it is there: field, component, what is drawn over it.
@@ -60,9 +69,6 @@ def report(out, target=None, *, species=None, units=None, warned=(), title=None)
     AtcError : for what is no output of `atc.fields` or `atc.twin`, or a page that cannot be written
     """
     import xarray as xr
-
-    from ..running.output import load
-    from ..unit_words import in_units
 
     name = "fields" if isinstance(out, xr.Dataset) else Path(out).name
     if target is None:
@@ -119,7 +125,6 @@ def page(ds, title: str, species=None, warned=()) -> str:
 
 
 def _parts(ds, species):
-    from ..running.output import of_species
 
     if "species" not in ds.dims:
         return [("", of_species(ds, species))]
@@ -131,7 +136,6 @@ def _parts(ds, species):
 
 
 def _facts(ds) -> str:
-    from ..pictures.geometry import unit_text
 
     a, rows = ds.attrs, []
     for key, what in (
@@ -209,8 +213,6 @@ def _errors(ds) -> str:
 
 
 def _pictures(ds) -> list[str]:
-    from ..pictures.geometry import fields_of, rank
-    from ..pictures.plotting import plot
 
     names, out, drawn = fields_of(ds), [], set()
     wanted = [p for p in PICTURES if p[0] in names and not (p[0] == "stress_potential" and "stress" in names)
@@ -238,10 +240,6 @@ def _pictures(ds) -> list[str]:
 
 def _profile(ds) -> list[str]:
     """Means over the cross-sections along the longest axis of a grid, of the first stress and the density."""
-    from ..pictures.components import component
-    from ..pictures.drawing import figure, label_of
-    from ..pictures.geometry import fields_of, points_of_grid
-    from ..pictures.symbols import symbol
 
     names = fields_of(ds)
     name = next((n for n in ("stress", "stress_potential", *names) if n in names), None)
@@ -275,8 +273,6 @@ def _profile(ds) -> list[str]:
 
 def _compared(ds) -> list[str]:
     """Hardy's stress against the virial stress, where the output has both."""
-    from ..pictures.comparison import compare_figure
-    from .compare import ACCURACY, _cell, _heading, compare
 
     try:
         found = compare(ds)

@@ -10,6 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..pictures.drawing import STYLE, figure, save, titled
+from ..pictures.geometry import unit_text, with_unit
+from ..running.whole import write_dataset
 from ..terminal import tell
 from .green_kubo import _pm
 
@@ -175,22 +178,17 @@ class Profile:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.whole import write_dataset
 
         write_dataset(self.dataset(), path)
 
     def picture(self, path) -> Path:
         """Draw the profiles; returns the path."""
-        from ..pictures.drawing import save
 
         return save(self.figure(), path)
 
     def figure(self):
         """A matplotlib Figure: a panel for each kind of profile, bands of one standard error."""
         import matplotlib as mpl
-
-        from ..pictures.drawing import STYLE, figure, titled
-        from ..pictures.geometry import unit_text, with_unit
 
         groups: dict[tuple[str, str], list[Column]] = {}
         for c in self.columns.values():

@@ -11,6 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
+from ..pictures.geometry import grid_dims, points_of_grid
+from ..unit_words import NotAUnit, unit_of
+from ..units import units
 
 #: Kinds of grids whose values are averages over the whole cross-section of the cell.
 WHOLE = ("slab", "planes")
@@ -20,7 +23,6 @@ THINNEST = 0.02
 
 def _sections(ds, axis, quantity, what):
     """(stress, axis, dims of the grid, place) of an output that has cross-sections."""
-    from ..pictures.geometry import grid_dims, points_of_grid
 
     name = quantity or next((n for n in ("stress", "stress_potential") if n in ds), None)
     if name is None or name not in ds or not {"i", "j"} <= {*ds[name].dims}:
@@ -52,8 +54,6 @@ def section_force(ds, axis=None, quantity=None):
     ------
     AtcError for other grids, fields that are no stress, cells whose edges are tilted against the normal.
     """
-    from ..unit_words import NotAUnit, unit_of
-    from ..units import units
 
     name, axis, dims, place = _sections(ds, axis, quantity, "section force")
     da, k = ds[name], "xyz".index(axis)

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..deposit import make
 from ..errors import AtcError
+from ..estimators.tensors import quotient
 from ..readers.trajectory import Over
 from .dipoles import add_dipoles, dipoles_of, labels_of
 from .profile_table import Column, Profile
@@ -146,7 +148,6 @@ class SpeciesSums:
         return carriers.replace(molecules=np.concatenate([labels, labels[carriers.places.host_s]]))
 
     def _sum(self, bound, x_nc, a_nk):
-        from ..deposit import make
 
         deposit = make("slab", bound, self.kern, bound.cell, a_nk.shape[1], 1)
         if len(x_nc):
@@ -238,7 +239,6 @@ def _add_charges(out, sums, charge_tz, boundary) -> None:
 def _add_velocities(out, names, u, number_tzs, flow_tzsc) -> None:
     """Mean velocities <n v>/<n>; NaN where a species never is."""
     from ..estimators.statistics import BlockAverage
-    from ..estimators.tensors import quotient
 
     for s, name in enumerate(names):
         average = BlockAverage()

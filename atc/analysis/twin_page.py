@@ -8,6 +8,8 @@ from html import escape
 import numpy as np
 
 from ..errors import AtcError
+from ..pictures.drawing import STYLE
+from ..pictures.twins import drawn, histories, profiles
 from .accessor import VOIGT
 from .html import document, facts, figure_of, table, warned_of
 
@@ -131,9 +133,6 @@ def _constants(ds) -> list[str]:
 
 def _pictures(ds) -> list[str]:
     import matplotlib as mpl
-
-    from ..pictures.drawing import STYLE
-    from ..pictures.twins import drawn, histories, profiles
 
     out, n = [], ds.sizes["frame"]
     of = "the frame" if n == 1 else f"means of {n} frames"

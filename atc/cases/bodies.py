@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..frame import Cell
+from ..readers._bytes import require_file
 
 
 @dataclass
@@ -38,7 +40,6 @@ def read_nodes(path, settings, bad) -> Nodes:
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    from ..readers._bytes import require_file
 
     try:
         require_file(path)  # no pipe or device, which libraries would wait for
@@ -117,8 +118,6 @@ def _extxyz(path):
         if name in a:
             out[name] = a[name].astype(float)
     if atoms.pbc.any():
-        from ..frame import Cell
-
         out["cell"] = Cell(np.array(atoms.cell, float), periodic=atoms.pbc)
     return out
 

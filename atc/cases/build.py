@@ -6,19 +6,23 @@ from functools import reduce
 
 import numpy as np
 
+from .. import pd
+from ..config.formula import Formula
 from ..errors import AtcError
+from ..frame import Cell
+from ..pd.regions import _Combined
+from . import crystals
 from . import damage as case_damage
+from .bodies import read_nodes
+from .materials import made, models, sampled_well
 
 
 def simulation(case, threads: int = 0, state=None):
     """The `atc.pd.Simulation` that a case describes."""
-    from .. import pd
 
     body = make_body(case)
     _require_bonds(case, body)
     materials, names = {}, {}
-    from . import crystals
-    from .materials import made, models, sampled_well
 
     for k, m in enumerate(case.data["material"]):
         number = m.get("id", k + 1)
@@ -106,7 +110,6 @@ def simulation(case, threads: int = 0, state=None):
 
 def conduction(case, materials, names) -> dict:
     """{material: `pd.Conduction`} of the materials that are there; empty where none conducts."""
-    from .. import pd
 
     tables = {number: case.data["material"][names[number]] for number in materials}
     keys = ("conductivity", "specific_heat")
@@ -122,7 +125,6 @@ def conduction(case, materials, names) -> dict:
 
 def heat_conditions(case, body) -> list:
     """What [[temperature]] and [[heat_source]] say, for the engine."""
-    from .. import pd
 
     def value(path, word, table, X):
         law = _Law([table[word]], X, lambda why: case.bad((*path, word), why))
@@ -143,9 +145,6 @@ def heat_conditions(case, body) -> list:
 
 def make_body(case):
     """The body of a case, with its notches and the material of each node."""
-    from .. import pd
-    from ..frame import Cell
-    from . import crystals
 
     b = case.data["body"]
     notches = []
@@ -163,8 +162,6 @@ def make_body(case):
             more = {k: b[k] for k in ("offset", "jitter", "seed", "cut") if k in b}
             body = pd.Body.lattice(region, b["spacing"], b["horizon"], b.get("density", 1.0), **options, **more)
         else:
-            from .bodies import read_nodes
-
             nodes = read_nodes(case.path("body", "file"), b, lambda why: case.bad(("body", "file"), why))
             case.sets = nodes.sets
             if cell is None and nodes.cell is not None:
@@ -199,7 +196,6 @@ def make_body(case):
 
 def region_of(case, region):
     """A `pd.Region` from its name or description; None for the whole body."""
-    from .. import pd
 
     if region is None:
         return None
@@ -226,7 +222,6 @@ def region_of(case, region):
 
 def _inside_once(cell):
     """The points of a periodic cell, each of those on opposite faces once."""
-    from ..pd.regions import _Combined
 
     def contains(x):
         s = cell.fractional(x)
@@ -252,7 +247,6 @@ class _Law:
     """t → (3,) or (m, 3): numbers, tables of time, and formulas of t and the nodes' reference positions."""
 
     def __init__(self, components, X_nc, complain):
-        from ..config.formula import Formula
 
         self.place = {} if X_nc is None else dict(zip("xyz", X_nc.T, strict=True))
         self.complain = complain

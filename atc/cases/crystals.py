@@ -12,10 +12,15 @@ import warnings
 
 import numpy as np
 
+from .. import pd
+from ..config.formula import Formula
 from ..config.schema import SCHEMA as SCENE
 from ..config.schema import Key, _either, _list_of, _not_negative, _positive, _string
 from ..errors import AtcError, AtcWarning
 from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants
+from ..units import units as get
+from ..upscaling.crystal import Crystal, axes_of, relax
+from ..upscaling.elasticity import elastic_constants
 from .schema import number_or_formula
 
 _LETTERS = ("x", "y", "z", "r", "delta")
@@ -97,7 +102,6 @@ def made(case, k, body):
 
 def _outside(units):
     """The units of the case."""
-    from ..units import units as get
 
     return units if units.reduced else get("si")
 
@@ -105,7 +109,6 @@ def _outside(units):
 def _crystal(case, k):
     """(Crystal at rest, Potential) of a material, made once."""
     from .. import potential
-    from ..upscaling.crystal import Crystal, relax
 
     if k not in case.crystals:
         m, where = case.data["material"][k], case.where("material", str(k), "potential")
@@ -120,7 +123,6 @@ def _crystal(case, k):
 
 def _axes(case, k):
     """(3, 3) rows: where the crystal's x, y, z point in the body."""
-    from ..upscaling.crystal import axes_of
 
     path = ("material", str(k), "orient")
     return axes_of(
@@ -142,7 +144,6 @@ class _InUnits:
 
 
 def _cauchy_born(case, k, body, crystal, model, axes, units):
-    from .. import pd
     from ..upscaling.cauchy_born import CauchyBorn, CrystalLaw, StrainEnergy
 
     exact = CauchyBorn(crystal, model)
@@ -157,8 +158,6 @@ def _cauchy_born(case, k, body, crystal, model, axes, units):
 
 
 def _linear(case, k, body, crystal, model, axes, units):
-    from .. import pd
-    from ..upscaling.elasticity import elastic_constants
     from ..upscaling.force_constants import force_constants
     from ..upscaling.node_kernel import NodeKernel, node_kernel, wave_constants
 
@@ -189,7 +188,6 @@ class _Micromodulus:
     """C(ξ) by formulas."""
 
     def __init__(self, given, delta, complain):
-        from ..config.formula import Formula
 
         self.delta, self.complain, self.central = delta, complain, isinstance(given, str)
         self.formulas = [[Formula(str(c), _LETTERS) for c in row] for row in ([[given]] if self.central else given)]
@@ -206,7 +204,6 @@ class _Micromodulus:
 
 def _springs(case, k, body):
     """Springs by formulas; their sums over nodes must be near the integrals."""
-    from .. import pd
 
     law = _Micromodulus(
         case.data["material"][k]["micromodulus"],

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..config.words import guess
+from ..pd.damage import CriticalEnergy, CriticalStretch
 
 
 def _number(case, k) -> int:
@@ -97,7 +98,6 @@ def rules(case, materials, body, factors):
 
     A material's own strength goes before that of [damage]; an interface's before that of its weaker side.
     """
-    from ..pd.damage import CriticalEnergy, CriticalStretch
 
     general = case.data.get("damage", {})
     out = {}

@@ -9,14 +9,17 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from ..config.scene import Scene
 from ..errors import AtcError
+from ..pd.fields import reference_frame, snapshot
+from ..planning.request import Request
+from ..running.output import Store
 
 SECTIONS = ("kernel", "grid", "fields")
 
 
 def scene_of(case):
     """The three sections as a checked `atc.config.scene.Scene`; None if the case has none of them."""
-    from ..config.scene import Scene
 
     there = {s: dict(case.data[s]) for s in SECTIONS if s in case.data}
     if not there:
@@ -45,7 +48,6 @@ class CaseFields:
     """Computes and stores the fields of each entry of a run."""
 
     def __init__(self, case, out, request: dict, resume: bool, threads: int):
-        from ..running.output import Store
 
         self.scene = scene_of(case)
         self.scene.data["potential"] = {"lammps": "-"}  # the bonds of the run
@@ -57,9 +59,7 @@ class CaseFields:
 
     def prepare(self, sim, entries: int, done: int) -> None:
         """Be ready for `entries` moments, the first `done` of which are those of an interrupted run."""
-        from ..pd.fields import reference_frame, snapshot
         from ..planning.job import cpus, prepare
-        from ..planning.request import Request
         from ..running.run import _Sink
 
         scene = self.scene
@@ -97,7 +97,6 @@ class CaseFields:
     def add(self, sim, entry: int) -> None:
         """The fields of this moment, unless they are there already."""
         from ..estimators.driver import fields_of
-        from ..pd.fields import snapshot
 
         if entry < self.store.done:
             return

@@ -8,6 +8,7 @@ missing, and writes the entry from the state.
 
 from __future__ import annotations
 
+import hashlib
 import time
 import zipfile
 from pathlib import Path
@@ -15,10 +16,17 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..export.export import export_dataset
+from ..export.vtk import write_nodes, write_series
+from ..pd.state import State
+from ..pd.statics import relax, solve_static
+from ..planning.identity import RESULTS
 from ..running.interruption import asked, whole
 from ..running.output import Layout, Store, Variable, explained, open_dataset
 from ..running.whole import renamed
+from ..units import units
 from .fields import CaseFields
+from .schema import TABLES
 
 # Wall seconds between two saved states, beside those of the entries.
 _SAVE_EVERY = 60.0
@@ -69,7 +77,6 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
     xarray.Dataset with dims frame, node, i, j: displacement, velocity, damage, energy, force at the nodes, and the
     energy ledger. What [fields] asks for is in a second output beside it, ``OUT-fields``.
     """
-    from ..pd.state import State
 
     case.check_places()
     request = _request(case)
@@ -118,8 +125,6 @@ def _close(case, out, store, fields):
     with explained(out):
         ds = open_dataset(out)
     if case.path("output", "extxyz") is not None:
-        from ..export.export import export_dataset
-
         export_dataset(ds, case.path("output", "extxyz"))
     store.clear_away()
     if fields is not None:
@@ -129,10 +134,6 @@ def _close(case, out, store, fields):
 
 def _request(case) -> dict:
     """What an unfinished output must have been made from to be continued."""
-    import hashlib
-
-    from ..planning.identity import RESULTS
-    from .schema import TABLES
 
     request = {"results": RESULTS, "case": case.to_toml()}
     # Files that are read count by what is in them.
@@ -157,7 +158,6 @@ def save_arrays(path, arrays: dict) -> None:
 
 def load_state(path):
     """A `pd.State` from a restart file."""
-    from ..pd.state import State
 
     return State.from_arrays(_arrays(path, "{}: is not a restart file of atc pd ({})"))
 
@@ -224,7 +224,6 @@ class _Run:
 
     def _advance(self, sim, n):
         """n steps in time, or n states of equilibrium."""
-        from ..pd.statics import relax, solve_static
 
         run = self.case.data["run"]
         solver = run.get("solver", "verlet")
@@ -276,7 +275,6 @@ class _Run:
         self.store.write(values, {"step": int(sim.state.step), "time": float(sim.state.time)})
 
     def _write_vtk(self, sim, values):
-        from ..export.vtk import write_nodes, write_series
 
         with explained(self.vtk, self.store.partial):
             self.vtk.mkdir(parents=True, exist_ok=True)
@@ -291,14 +289,12 @@ class _Run:
 
     def units(self) -> dict:
         """{quantity: unit} of what is known at the nodes."""
-        from ..units import units
 
         label = units("si").label
         return {**{q: label(QUANTITIES[q][1]) for q in self.names}, "volume": label("volume"), "material": "1"}
 
     def _layout(self, sim) -> Layout:
         from .. import __version__
-        from ..units import units
 
         u = units("si")
         body = sim.body

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import AtcError
+from ..running.whole import replacing
 from ..unit_words import converted, wanted_units
 from .geometry import unit_text
 from .symbols import label
@@ -134,7 +136,6 @@ def colours(name, comp, values, limits, robust, floor=0.0):
 
 def wrapped(fig, text: str, size: float) -> str:
     """A text broken into lines that fit into a figure."""
-    import textwrap
 
     return textwrap.fill(text, max(20, int(fig.get_size_inches()[0] * 72 / (0.56 * size))))
 
@@ -222,8 +223,6 @@ def save(fig, path) -> Path:
         "svg": {"Date": None, "Creator": None},
     }[kind]
     import matplotlib as mpl
-
-    from ..running.whole import replacing
 
     with replacing(path) as part, mpl.rc_context(STYLE):
         fitted(fig).savefig(part, format=kind, metadata=meta)

@@ -7,8 +7,11 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from ..errors import AtcError
+from ..running.whole import replacing
+from .drawing import STYLE, fitted
 
 #: Pictures a second, and dots an inch.
 RATE, DPI = 5.0, 100
@@ -39,9 +42,6 @@ def write_movie(path, figures, rate: float = RATE) -> Path:
     """
     import matplotlib as mpl
 
-    from ..running.whole import replacing
-    from .drawing import STYLE, fitted
-
     path = movie_path(path)
     if not 0.1 <= rate <= 100:
         raise AtcError(f"{path}: {rate:g} pictures a second: expected 0.1 to 100")
@@ -60,7 +60,6 @@ def write_movie(path, figures, rate: float = RATE) -> Path:
 
 
 def _write_gif(path, pages, rate):
-    from PIL import Image
 
     first, *others = [Image.fromarray(page) for page in pages]
     first.save(path, save_all=True, append_images=others, duration=round(1000 / rate), loop=0)

@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
+from .components import component as scalar
+from .drawing import STYLE, at_frame, colours, figure, label_of, titled
 from .geometry import rank, with_unit
 
 
@@ -29,9 +31,6 @@ def plot_nodes(ds, quantity=None, *, component=None, slice=None, axis=None, fram
     matplotlib.figure.Figure
     """
     import matplotlib as mpl
-
-    from .components import component as scalar
-    from .drawing import STYLE, at_frame, colours, figure, label_of, titled
 
     names = [n for n, da in ds.data_vars.items() if "node" in da.dims]
     wanted = [q.strip() for q in quantity.split(",")] if quantity else ["damage" if "damage" in names else names[0]]

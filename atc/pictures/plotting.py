@@ -21,6 +21,7 @@ from .components import TENSOR
 from .drawing import STYLE, at_frame, colours, draw_map, figure, kernel_title, label_of, save, singular, titled
 from .geometry import PROFILES, STDERR, cut, fields_of, grid_dims, over_angles, over_axes, points_of_grid, rank
 from .movies import RATE, movie_path, write_movie
+from .nodes import plot_nodes
 from .overlays import Overlays, legend
 from .symbols import symbol
 
@@ -83,8 +84,6 @@ def plot(
     if "equation" in ds.attrs and "x" in ds.dims:
         raise AtcError("this is an output of atc advect, whose picture was written beside it (the same name, .png)")
     if ds.attrs.get("kind") == "peridynamics":
-        from .nodes import plot_nodes
-
         how = {"limits": limits, "robust": robust, "one_scale": one_scale}
         return plot_nodes(ds, quantity, component=component, slice=slice, axis=axis, frame=frame, **how)
     axes = tuple(str(ds.attrs.get("axes", "")).split())

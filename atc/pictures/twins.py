@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from .drawing import STYLE, colours, draw_map, figure, save, titled
+from .geometry import cut, points_of_grid, unit_text, with_unit
+from .movies import write_movie
 
 
 def components_of(data) -> list:
@@ -22,8 +25,6 @@ def picture(data, path, title, components=None):
     """MD, PD and their difference as maps of time averages, one row for each component (field, index, label)."""
     import matplotlib as mpl
 
-    from .drawing import STYLE, save
-
     with mpl.rc_context(STYLE):
         return save((over_line if _kind(data) == "line" else drawn)(data, title, components), path)
 
@@ -31,8 +32,6 @@ def picture(data, path, title, components=None):
 def over_line(data, title, components=None):
     """Figure of a line grid: both sides at the first, the middle and the last frame, one row for each component. By
     default the displacement and the stress that vary most over time."""
-    from .drawing import figure, titled
-    from .geometry import points_of_grid, unit_text
 
     place = points_of_grid(data, data["md_density"].isel(frame=0))
     s, text = place.abscissa(0)
@@ -67,14 +66,12 @@ def _varying(data, name):
 
 
 def _kind(data) -> str:
-    from .geometry import points_of_grid
 
     return points_of_grid(data, data["md_density"].isel(frame=0)).kind
 
 
 def movie(data, path, title, components=None, rate: float = 5.0) -> Path:
     """The same frame by frame as a movie (.gif, .mp4), `rate` frames a second, with the same colours in all of them."""
-    from .movies import write_movie
 
     components = components or components_of(data)
     limits = [_largest(data, name, index) for name, index, _ in components]
@@ -98,8 +95,6 @@ def _largest(data, name, index) -> tuple[float, float]:
 def drawn(data, title, components=None, limits=None):
     """The figure of `picture`. limits : of the colours, (both sides, difference) of each component; default: their
     own."""
-    from .drawing import colours, draw_map, figure, titled
-    from .geometry import cut, points_of_grid, with_unit
 
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
@@ -131,8 +126,6 @@ def drawn(data, title, components=None, limits=None):
 def profiles(data, components=None):
     """Figure of both sides along an axis of the grid: means over the frames and, in matter, over the cross-section; the
     MD's with its standard error. Of a displacement the axis is its own, of other fields the longest of the others."""
-    from .drawing import figure
-    from .geometry import points_of_grid, with_unit
 
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
@@ -179,8 +172,6 @@ _HISTORIES = (
 def histories(data):
     """Figure of what has one value a frame: the mean stress, damage and the crack, of both sides over time; None where
     there is one frame."""
-    from .drawing import figure
-    from .geometry import with_unit
 
     if data.sizes["frame"] < 2:
         return None

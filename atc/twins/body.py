@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from .. import pd
 from ..errors import AtcError, AtcWarning
 from .smoothing import Same, Smoothing
 
@@ -65,7 +66,6 @@ def body_of(
     the same everywhere, such that the mass agrees. Of a run in the plane: a body in plane strain, one internal unit of
     length thick.
     """
-    from .. import pd
 
     cell, d = reference.cell, reference.dimension
     lengths = np.linalg.norm(cell.vectors, axis=1)
@@ -115,7 +115,6 @@ def body_of(
 def body_of_atoms(reference, bulk: float, horizon: float) -> TwinBody:
     """Every atom of the reference is a node: what is derived from the potential can then be held to the run bond by
     bond. V_I = m/ρ of the crystal. `horizon` : of the body; parameters and result otherwise as `body_of`."""
-    from .. import pd
 
     V = reference.masses / bulk
     X = np.array(reference.positions)

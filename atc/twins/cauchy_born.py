@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import pd
 from ..upscaling.cauchy_born import CauchyBorn, CrystalLaw, StrainEnergy, cubic_of
+from ..upscaling.free_energy import vibrational
 from .material import TwinMaterial, hill, require_stable, sampled_constants
 
 #: The horizon in distances of nodes: the three nearest shells of a cubic lattice. What a node sees of its strain is
@@ -78,8 +80,6 @@ class CauchyBornTwin(TwinMaterial):
 def cauchy_born(crystal, model, axes, step_cc, horizon, temperature=None) -> CauchyBornTwin:
     """The material of a relaxed crystal whose x, y, z are the rows of `axes` in the body; with a temperature (the
     user's unit) its vibrations are in it."""
-    from .. import pd
-    from ..upscaling.free_energy import vibrational
 
     exact = CauchyBorn(crystal, model)
     require_stable(crystal, np.linalg.eigvalsh(exact.moduli_vv).min() > 0)

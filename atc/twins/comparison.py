@@ -7,6 +7,8 @@ import warnings
 import numpy as np
 
 from ..errors import AtcWarning
+from ..frame import Frame
+from .smoothing import with_images
 
 #: name in the dataset: (quantity of the atoms, of the nodes)
 PAIRS = {
@@ -166,9 +168,6 @@ def away_from_surfaces(simulation, points_gc, reach) -> np.ndarray:
     """(g,) which points have within `reach` only nodes whose families are whole: what surfaces do to a family does not
     show there."""
     from scipy.spatial import cKDTree
-
-    from ..frame import Frame
-    from .smoothing import with_images
 
     body, t = simulation.body, simulation.body.bonds
     family = np.bincount(t.i_b, body.V_n[t.j_b], len(body)) + np.bincount(t.j_b, body.V_n[t.i_b], len(body))

@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .. import pd
 from ..errors import AtcError
 from ..upscaling.cauchy_born import cubic_of
 from ..upscaling.coarsening import CoarsenedKernel, coarsen
 from ..upscaling.elasticity import elastic_constants
+from ..upscaling.fluctuations import fluctuations
 from ..upscaling.force_constants import force_constants
 from ..upscaling.node_kernel import FRACTIONS, node_kernel, wave_constants
 from .material import TwinMaterial, hill, require_stable
@@ -98,7 +100,6 @@ def coarsened(crystal, model, axes, made) -> LinearTwin:
 
     The springs are those of nodes on the crystal's own lattice; the run's cell may strain it a little.
     """
-    from .. import pd
 
     fc, C = _springs_of(crystal, model, axes)
     step, turned = made.step_cc, fc.crystal
@@ -139,7 +140,6 @@ def _springs_of(crystal, model, axes):
 
 def measured(crystal, axes, made, traj) -> LinearTwin:
     """Springs from the fluctuations of a run of the perfect crystal in equilibrium (see `upscaling.fluctuations`)."""
-    from ..upscaling.fluctuations import fluctuations
 
     found = fluctuations(traj, crystal.strained(axes.T - np.eye(3)))
     if found.elastic is None:
@@ -156,7 +156,6 @@ def measured(crystal, axes, made, traj) -> LinearTwin:
 
 def on_nodes(fc, C, made, atoms: bool) -> LinearTwin:
     """The springs of force constants on the nodes of a `TwinBody`."""
-    from .. import pd
 
     if atoms:
         kernel = LatticeSprings(fc)

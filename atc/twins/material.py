@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import pd
 from ..errors import AtcError, AtcWarning
 from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants
+from ..upscaling.elasticity import elastic_constants
 
 
 class TwinMaterial:
@@ -162,8 +164,6 @@ def hill_in_plane(C_vv) -> tuple[float, float]:
 def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
     """PMB or LPS of a relaxed crystal under its potential; moduli that its nodes would miss by more than 10 % are
     refused."""
-    from .. import pd
-    from ..upscaling.elasticity import elastic_constants
 
     C = elastic_constants(crystal, model)
     require_stable(crystal, C.stable)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 import warnings
 from copy import copy
 from dataclasses import dataclass, field
@@ -10,10 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import pd
+from ..config.scene import Scene
 from ..errors import AtcError, AtcWarning, heard
 from ..frame import Frame
+from ..pictures.twins import movie, picture
 from ..planar import planar
 from ..readers.planar import matched
+from ..running.whole import write_dataset
 from ..upscaling.crystal import PLANAR_STRUCTURES, STRUCTURES, Crystal, evaluate, relax
 from .body import TwinBody, body_of, body_of_atoms
 from .choice import atoms_horizon, horizon_of, orientation, twin_material
@@ -98,20 +103,17 @@ class Twin:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-        from ..running.whole import write_dataset
 
         write_dataset(self.dataset, path)
 
     def picture(self, path) -> Path:
         """MD, PD and difference of the displacement and the stress along the axis of the largest mean stress."""
-        from ..pictures.twins import picture
 
         frames = self.dataset.sizes["frame"]
         return picture(self.dataset, path, f"{self.name}: means of {frames} frames")
 
     def movie(self, path) -> Path:
         """The same, and damage where bonds break, frame by frame: an animated GIF."""
-        from ..pictures.twins import movie
 
         return movie(self.dataset, path, self.name)
 
@@ -141,7 +143,6 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     Body, conditions and comparison: see ``docs/twin.md``. The twin is cold: the kinetic part of the MD's stress, its
     thermal expansion and its thermal softening have no counterpart in it.
     """
-    from ..config.scene import Scene
 
     scene = scene if isinstance(scene, Scene) and not set else Scene.load(scene, set)
     with heard() as warned:
@@ -151,7 +152,6 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
 
 
 def _twin(scene, tell, progress) -> Twin:
-    import time
 
     began = time.perf_counter()
     get = lambda key, default=None: scene.get("twin", key, default)  # noqa: E731
@@ -368,7 +368,6 @@ def _crystal(scene, get, reference, pot, units):
 
 
 def _grips(held, frames, reference, made, times) -> list:
-    from .. import pd
 
     nodes = held.any(axis=1)
     if not nodes.any():
@@ -397,7 +396,6 @@ def _indenter(scene, get, units):
 
 def _start(first, reference, made, material, conditions, forces, motion):
     """The simulation in the state of the run's first frame."""
-    from .. import pd
 
     X = made.body.X_nc
     v = None
@@ -416,8 +414,6 @@ def _start(first, reference, made, material, conditions, forces, motion):
 def _advance(sim, frames, times, k, motion, safety) -> int:
     """From frame k − 1 to frame k, the cell on the straight way between theirs; the evaluations of forces it took."""
     if motion == "static":
-        from .. import pd
-
         if k == 0 or sim.cell != frames[k].cell or sim.prescribed or sim.rigid:
             deform(sim, frames[k].cell)
             return pd.relax(sim, time=times[k]).evaluations

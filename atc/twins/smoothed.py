@@ -15,11 +15,12 @@ from types import SimpleNamespace
 import numpy as np
 
 from ..errors import AtcError
-from ..frame import Cell
+from ..frame import Cell, Frame
 from ..pd.materials.base import ForceModel, Material
 from ..upscaling.elasticity import elastic_constants
 from ..upscaling.force_constants import force_constants
 from .material import TwinMaterial, hill
+from .smoothing import with_images
 
 #: Rounds that inner displacements have to come to rest, what is rest, in nearest neighbours' distances, and how many
 #: rounds are remembered.
@@ -44,9 +45,6 @@ class Shape:
             self.weights_kJ, self.shift_kc = csr_array(eye_array(n)), np.zeros((n, 3))
             return
         from scipy.spatial import cKDTree
-
-        from ..frame import Frame
-        from .smoothing import with_images
 
         inverse = np.linalg.inv(step_cc)
         x, cell = reference.positions, reference.cell

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from .. import pd
 from ..errors import AtcError
 from ..frame import Cell
 from ..upscaling.force_constants import signed_root
@@ -27,7 +28,6 @@ class NodeWaves:
     """
 
     def __init__(self, material, step_cc, horizon, density, label):
-        from .. import pd
 
         heights = 1 / np.linalg.norm(np.linalg.inv(step_cc), axis=0)
         # State-based forces reach two horizons, and no node must be felt through two images.

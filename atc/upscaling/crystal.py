@@ -17,6 +17,7 @@ from ..errors import AtcError
 from ..frame import Cell, Frame
 from ..pd.voigt import to_voigt, unit_strain
 from ..units import Units, units
+from ..units import units as get
 
 #: Conventional cubic cells: fractional positions of the basis and primitive vectors in units of the lattice constant.
 STRUCTURES = {
@@ -82,7 +83,6 @@ class Crystal:
         types : one for each atom of the basis; default: 1, or 1, 2 where the masses differ
         symbols : chemical symbols of the basis; only ASE calculators need them
         """
-        from ..units import units as get
 
         u = get(units)
         if structure not in STRUCTURES:
@@ -113,7 +113,6 @@ class Crystal:
         ----------
         lattice_constant, mass : in the units `units`
         """
-        from ..units import units as get
 
         u = get(units).planar
         if structure not in PLANAR_STRUCTURES:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
+from ..running.output import check_name, explained
 from ..running.whole import write_dataset
 from .chain import LennardJones, Springs, bump, positive, square_pulse, whole
 from .coarse import coarsen
@@ -110,7 +111,6 @@ def _picture(run, path):
             right.plot(run.t_t, values, label=name)
         right.set(title="energy", xlabel="time")
         right.legend()
-        from ..running.output import explained
 
         with explained(path):
             fig.savefig(path, metadata={"Software": None})
@@ -119,7 +119,6 @@ def _picture(run, path):
 
 def writable(path) -> Path:
     """The path of a dataset that can be written, or an error that says why not."""
-    from ..running.output import check_name
 
     path = check_name(path)
     if not path.parent.is_dir():

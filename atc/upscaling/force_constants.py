@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..decomposers.pairs.pairs import Pairs
 from ..errors import AtcError
 from ..neighbors.cell_list import neighbor_list
 from .crystal import STENCIL, Crystal, forces
@@ -194,7 +195,6 @@ def _pair_terms(model):
     """The pair terms of a potential that is nothing but pair terms, or None."""
     if not hasattr(model, "terms") or not model.terms:
         return None
-    from ..decomposers.pairs.pairs import Pairs
 
     return model.terms if all(isinstance(t, Pairs) for t in model.terms) else None
 

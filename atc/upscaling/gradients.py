@@ -18,6 +18,8 @@ from functools import cache
 from itertools import pairwise
 from math import comb, factorial
 
+import numpy as np
+
 from ..errors import AtcError
 from .chain import whole
 
@@ -262,7 +264,6 @@ class WellPosedness:
 def well_posedness(series: Sequence) -> WellPosedness:
     """Whether ρ y_tt = K₁ Σ_m c_m L^{2m−2} ∂^{2m} y, cut after the terms given, is well posed and stable. Signs are
     decided in exact arithmetic (Sturm)."""
-    import numpy as np
 
     c = [Fraction(v) for v in series]
     while c and not c[-1]:

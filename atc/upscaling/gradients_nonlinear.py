@@ -12,7 +12,7 @@ Terms are dicts {(n, p, derivatives): c}; `derivatives` is a sorted tuple of ord
 from __future__ import annotations
 
 from fractions import Fraction
-from math import factorial, prod
+from math import comb, factorial, prod
 
 from ..errors import AtcError
 from .chain import whole
@@ -143,7 +143,6 @@ def lennard_jones_equation(order: int = 3) -> dict:
 
 def paper_equation_5_2() -> dict:
     """Eq. (5.2) as the paper prints it, in the form of `lennard_jones_equation(3)`, to compare with."""
-    from math import comb
 
     F = Fraction
     out = {}

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import pd
 from ..errors import AtcError
+from ..frame import Cell
 from ..pd.sampling import check_moduli, long_waves
 from .force_constants import signed_root
 from .peridynamic_kernels import CoarseLattice, Lattice, _unit
@@ -194,8 +196,6 @@ class PeridynamicBody:
     """
 
     def __init__(self, model, stencil: Stencil, repeat, dt: float | None = None):
-        from .. import pd
-        from ..frame import Cell
 
         index = np.stack(np.meshgrid(*(np.arange(r) for r in repeat), indexing="ij"), -1).reshape(-1, 3)
         volume = abs(np.linalg.det(stencil.vectors))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from ..errors import AtcError
 from .crystal import Crystal, forces
 from .force_constants import THZ, ForceConstants, supercell_repeat
+from .zone import GREEK
 
 
 def phonopy_of(crystal: Crystal, model, repeat, *, distance: float = 1e-4):
@@ -85,7 +87,6 @@ def write_phonopy(fc: ForceConstants, folder, segments=None, points: int = 51) -
     list of Path. The supercell is so large that every k is exact. Types without a name are called after the element of
     their mass, to 0.01 amu, or else H, He, … in turn; masses are in the files whatever the names.
     """
-    from pathlib import Path
 
     from phonopy.file_IO import write_FORCE_CONSTANTS
 
@@ -131,7 +132,6 @@ def _elements(crystal) -> dict:
 
 def _tex(label: str) -> str:
     """As phonopy's plots write it: $\\Gamma$, $\\Sigma_0$; rays as they are."""
-    from .zone import GREEK
 
     if not label[:1].isalpha():
         return label

@@ -7,6 +7,7 @@ theirs. Which lattice a crystal has is found from its vectors, so that any primi
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from itertools import combinations, pairwise, product
 
@@ -218,7 +219,6 @@ def _seekpath(crystal: Crystal) -> list[Segment]:
         from seekpath import get_path_orig_cell
     except ImportError:
         raise AtcError('seekpath is not installed: pip install "atc[paths]"') from None
-    import warnings
 
     inside = crystal.positions @ np.linalg.inv(crystal.vectors)
     with warnings.catch_warnings():

@@ -227,6 +227,12 @@ class BondForces:
     def __len__(self):
         return len(self.i)
 
+    def add(self, pull_b) -> None:
+        """Forces `pull_b` more along the deformed bonds, pulling their ends together."""
+        r = np.sqrt(np.einsum("bc,bc->b", self.r_bc, self.r_bc))
+        self.G_b = self.G_b + np.divide(pull_b, r, out=np.zeros(len(r)), where=r > 0)
+        self.F_bc = -self.G_b[:, None] * self.r_bc
+
     def bonds(self):
         """As `atc.bonds.Bonds`; raises AtcError for forces that are not central."""
         from ...bonds import Bonds
@@ -405,6 +411,11 @@ class ForceModel:
         ]
         return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
+    def walk(self, z, rows, gather, law, data, F_nc, smin_n, damage, seen=None):
+        """What `forces` returns, by a law of `rows.force_loop` that sees `seen` of the nodes, by default z."""
+        gone = self.pull(rows, gather, law, z if seen is None else seen, data, F_nc, smin_n, damage)
+        return self.account(z, rows.broke(gone))
+
     # To be given by subclasses.
     def forces(self, z, intact_b, F_nc, smin_n, damage: bool):
         """F_nc := bond forces. With `damage`, smin_n is renewed and bonds break. Returns (number broken, energy lost
@@ -479,6 +490,14 @@ class ForceModel:
         """(kinds,) the PMB constant c that contact multiplies by 15."""
         c = {m: self.materials[m].contact_micromodulus(self.body) for m in self.ids}
         return self.pair_values(lambda a, b: harmonic(c[a], c[b]))
+
+
+def along_bonds(i, j, eta, xi, pull_b, length_b, which) -> BondForces:
+    """Forces along the deformed bonds `which`. `length_b` turns the pull into G = pull/length; 0 of bonds without
+    extent."""
+    G = np.divide(pull_b, length_b, out=np.zeros(len(length_b)), where=length_b > 0)
+    y = xi + eta
+    return BondForces(i, j, -y, -xi, G[:, None] * y, G, which)
 
 
 def harmonic(a, b):

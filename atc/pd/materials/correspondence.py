@@ -149,7 +149,7 @@ class CorrespondenceModel(ForceModel):
         self._intact = intact_b
         rows = self.standing(intact_b, self.table.r0_b, self.W_b)
         data = (*rows.columns, self.Q_ncc, self.g_active_n)
-        return self.account(z, rows.broke(self.pull(rows, gather, _row, z, data, F_nc, smin_n, damage)))
+        return self.walk(z, rows, gather, _row, data, F_nc, smin_n, damage)
 
     def lost(self, z, which):
         """A bond has no energy of its own: the difference is that of the body before and after."""

@@ -8,15 +8,17 @@ get exactly opposite forces.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
-from ...compiled import njit
+from ...compiled import njit, specialise, tag_of
 from ...errors import AtcError
 from ..blocks import node_rows
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather, gather_positions
 from ..surface import moment_factors
-from .base import BondForces, ForceModel, Isotropic, critical_work, deformed, influence_function
+from .base import ForceModel, Isotropic, along_bonds, critical_work, deformed, influence_function
 from .rows import eights
 
 
@@ -189,13 +191,13 @@ class StateModel(ForceModel):
         t = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, *warm)
         r0, W, WB, *rest = t.columns
         self.extend(z, t, r0, W)
-        law, data = _row, (r0, W, WB, self.e_b)
+        data = (r0, W, WB, self.e_b, *rest)
         if rest:
             self.S_n -= self._rest_sums(intact_b)
             self.y_nk[:, 3] = self.h_n * self.S_n
             self.y_nk[:, 7] = -self.y_nk[:, 3]
-            law, data = _row_warm, (*data, rest[0])
-        return self.account(z, t.broke(self.pull(t, gather_positions, law, self.y_nk, data, F_nc, smin_n, damage)))
+        law = row_of(_beyond_rest if rest else _extension)
+        return self.walk(z, t, gather_positions, law, data, F_nc, smin_n, damage, self.y_nk)
 
     def extend(self, z, t, r0, W):
         """Extensions of the bonds `t` into e_b, S into S_n; current positions and A into y_nk."""
@@ -251,9 +253,7 @@ class StateModel(ForceModel):
         A = self.h_n * (self.S_n if intact_b is None else self.dilatation_n(z, intact_b)[1])
         own = self.WB_b[whole] * self.beyond_rest(e, whole)
         pull = self.W_b[whole] * (A[i] + A[j]) * self.table.r0_b[whole] + own
-        G = np.divide(pull, r, out=np.zeros(len(whole)), where=r > 0)
-        y = xi + eta
-        return BondForces(i, j, -y, -xi, G[:, None] * y, G, whole)
+        return along_bonds(i, j, eta, xi, pull, r, whole)
 
     def stiffness_n(self):
         t = self.table
@@ -344,41 +344,49 @@ def _gather_up(a, b, lo, hi, offset, buf, z, h, S, y):
         y[n, 7] = -y[n, 3]
 
 
+# What of a bond's extension pulls, and what does not for all that; the numbers of each bond are in `data`.
+
+
 @njit(**INLINE)
+def _extension(data, b):
+    return data[3][b], 0.0
+
+
+@njit(**INLINE)
+def _beyond_rest(data, b):
+    """Of bonds that are at rest at an extension of their own."""
+    return data[3][b] - data[4][b], 0.0
+
+
+@njit(**INLINE)
+def less_slack(data, b):
+    """Of bonds in which dashpots, or plastic flow, have let go."""
+    return data[3][b], data[4][b]
+
+
+# Replaced in each copy, see `row_of`.
+PULLS = None
+
+
+@cache
+def row_of(pulls):
+    """`_row` with what of a bond's extension pulls in it, for `rows.force_loop`."""
+    return specialise(_row, tag_of(pulls), INLINE, PULLS=pulls)
+
+
 def _row(m, b0, i, node, w, v, intact, data):
     """Extensions are known."""
-    r0, W, WB, e = data
+    r0, W, WB, e = data[:4]
     for k in range(eights(m, b0, intact)):
         b = np.uint64(b0) + np.uint64(k)
         L = r0[b]
-        r = L + e[b]
-        D = r * L
-        D = 1.0 / D if D > 0.0 else 0.0
-        s = e[b] * D * r if r > 0.0 else -1.0
-        whole = intact[b] != 0
-        K = (W[b] * w[3 * C + k] * L + WB[b] * e[b]) * D * L
-        K = K if whole else 0.0
-        w[k] *= K
-        w[C + k] *= K
-        w[2 * C + k] *= K
-        w[6 * C + k] = s if whole else np.inf
-        w[7 * C + k] = s if whole else -np.inf
-
-
-@njit(**INLINE)
-def _row_warm(m, b0, i, node, w, v, intact, data):
-    """`_row` with bonds that are at rest at an extension of their own."""
-    r0, W, WB, e, rest = data
-    for k in range(eights(m, b0, intact)):
-        b = np.uint64(b0) + np.uint64(k)
-        L = r0[b]
-        x = e[b] - rest[b]
+        x, slack = PULLS(data, b)
         r = L + e[b]
         D = r * L
         D = 1.0 / D if D > 0.0 else 0.0
         s = x * D * r if r > 0.0 else -1.0
         whole = intact[b] != 0
-        K = (W[b] * w[3 * C + k] * L + WB[b] * x) * D * L
+        K = (W[b] * w[3 * C + k] * L + WB[b] * x - slack) * D * L
         K = K if whole else 0.0
         w[k] *= K
         w[C + k] *= K

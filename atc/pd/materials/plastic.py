@@ -16,8 +16,7 @@ from ...errors import AtcError
 from ..bonds import JIT
 from ..lanes import gather_positions
 from .base import deformed
-from .lps import LPS, StateModel
-from .viscoelastic import row_slack
+from .lps import LPS, StateModel, less_slack, row_of
 
 
 class Plastic(LPS):
@@ -118,9 +117,7 @@ class PlasticModel(StateModel):
         i = np.repeat(np.arange(self.n, dtype=np.int32), np.diff(t.start_n))
         slack = W * (self.B_n[i] * p_i + self.B_n[t.j_b] * p_j)
         data = (r0, W, WB, self.e_b, slack)
-        return self.account(
-            z, t.broke(self.pull(t, gather_positions, row_slack, self.y_nk, data, F_nc, smin_n, damage))
-        )
+        return self.walk(z, t, gather_positions, row_of(less_slack), data, F_nc, smin_n, damage, self.y_nk)
 
     def _flow(self, t, e, before, p_i, p_j):
         """Return nodes to their yield surfaces: changes p_i, p_j. Whether any has flowed."""
@@ -159,12 +156,8 @@ class PlasticModel(StateModel):
 
     def forces_of_bonds(self, z, intact_b, whole):
         out, H = super().forces_of_bonds(z, intact_b, whole), self.history
-        slack = self.W_b[whole] * (
-            self.B_n[out.i] * H["plastic_i_b"][whole] + self.B_n[out.j] * H["plastic_j_b"][whole]
-        )
-        r = np.sqrt(np.einsum("bc,bc->b", out.r_bc, out.r_bc))
-        out.G_b = out.G_b - np.divide(slack, r, out=np.zeros(len(r)), where=r > 0)
-        out.F_bc = -out.G_b[:, None] * out.r_bc
+        flowed = self.B_n[out.i] * H["plastic_i_b"][whole] + self.B_n[out.j] * H["plastic_j_b"][whole]
+        out.add(-self.W_b[whole] * flowed)
         return out
 
 

@@ -14,7 +14,18 @@ from ...compiled import njit, specialise, tag_of
 from ...errors import AtcError
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
-from .base import MEAN_COS, BondForces, ForceModel, Material, bond_based_shear, deformed, harmonic, micromodulus, moment
+from ..surface import surface_factors
+from .base import (
+    MEAN_COS,
+    ForceModel,
+    Material,
+    along_bonds,
+    bond_based_shear,
+    deformed,
+    harmonic,
+    micromodulus,
+    moment,
+)
 from .rows import eights
 
 # Compiled into the loop, and called from Python.
@@ -89,11 +100,10 @@ class PMB(Material):
     contact_micromodulus = micromodulus
 
     def interface_energy(self, other, body, interface=1.0):
-        c = (
-            interface.micromodulus(body)
-            if isinstance(interface, PMB)
-            else interface * harmonic(self.micromodulus(body), other.micromodulus(body))
-        )
+        if isinstance(interface, PMB):
+            c = interface.micromodulus(body)
+        else:
+            c = interface * harmonic(self.micromodulus(body), other.micromodulus(body))
         return c / self.micromodulus(body) * self.fracture_energy(body, 1.0)
 
     def fracture_energy(self, body, s0):
@@ -121,27 +131,20 @@ class BondModel(ForceModel):
         self.c_k = self.pair_values(lambda a, b: harmonic(c[a], c[b]))
         self.W_b = self.weights() * self.per_bond(self.c_k)
         if self.first.surface_correction is not None:
-            from ..surface import surface_factors
-
             self.W_b *= surface_factors(body, self.W_b, materials)
         # After the surface correction, which would make up for a weak interface.
-        factor = self.interface_factor(
-            {
-                p: own.micromodulus(body) / harmonic(*(c.get(m, 1.0) for m in p)) if isinstance(own, PMB) else own
-                for p, own in (interfaces or {}).items()
-            }
-        )
+        factors = dict(interfaces or {})
+        for pair, own in factors.items():
+            if isinstance(own, PMB):
+                factors[pair] = own.micromodulus(body) / harmonic(*(c.get(m, 1.0) for m in pair))
+        factor = self.interface_factor(factors)
         if factor is not None:
             self.W_b *= factor
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         rows = self.standing(intact_b, self.table.r0_b, self.W_b)
-        return self.account(
-            z,
-            rows.broke(
-                self.pull(rows, gather, _law_of_rows(self.law), z, (*rows.columns, self.guard), F_nc, smin_n, damage)
-            ),
-        )
+        data = (*rows.columns, self.guard)
+        return self.walk(z, rows, gather, _law_of_rows(self.law), data, F_nc, smin_n, damage)
 
     def lost(self, z, which):
         e = deformed(self, z, which)[4]
@@ -166,14 +169,8 @@ class BondModel(ForceModel):
 
     def forces_of_bonds(self, z, intact_b, whole):
         i, j, eta, xi, e, r = deformed(self, z, whole)
-        G = np.divide(
-            self.W_b[whole] * self._law(e, whole)[0] * e,
-            r * self.table.r0_b[whole],
-            out=np.zeros(len(whole)),
-            where=r > 0,
-        )
-        y = xi + eta
-        return BondForces(i, j, -y, -xi, G[:, None] * y, G, whole)
+        pull = self.W_b[whole] * self._law(e, whole)[0] * e
+        return along_bonds(i, j, eta, xi, pull, r * self.table.r0_b[whole], whole)
 
     def stiffness_n(self):
         return self.table.sums(self.first.stiffening * self.W_b / self.table.r0_b)

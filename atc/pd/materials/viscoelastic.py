@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...compiled import njit
 from ...errors import AtcError
-from ..lanes import INLINE, C, gather_positions
+from ..lanes import gather_positions
 from .base import deformed
-from .lps import LPS, StateModel
-from .rows import eights
+from .lps import LPS, StateModel, less_slack, row_of
 
 
 class Viscoelastic(LPS):
@@ -129,9 +127,7 @@ class ViscousModel(StateModel):
         self.y_nk[:, 7] = -self.y_nk[:, 3]
         slack = soft * back
         data = (r0, W, WB, self.e_b, slack)
-        return self.account(
-            z, t.broke(self.pull(t, gather_positions, row_slack, self.y_nk, data, F_nc, smin_n, damage))
-        )
+        return self.walk(z, t, gather_positions, row_of(less_slack), data, F_nc, smin_n, damage, self.y_nk)
 
     def _dashpots(self, e, theta, i, b):
         """Σ over one end i of bonds b: e^db² − 2 e^d e^db, what dashpots add to e^d²."""
@@ -161,32 +157,6 @@ class ViscousModel(StateModel):
         out = super().forces_of_bonds(z, intact_b, whole)
         d, H = self.body.dimension, self.history
         A = self.soft_n * H["back_n"] / d
-        more = (
-            self.W_b[whole] * (A[out.i] + A[out.j]) * self.table.r0_b[whole] - self.soft_b[whole] * H["back_b"][whole]
-        )
-        r = np.sqrt(np.einsum("bc,bc->b", out.r_bc, out.r_bc))
-        G = np.divide(more, r, out=np.zeros(len(r)), where=r > 0)
-        out.G_b = out.G_b + G
-        out.F_bc = -out.G_b[:, None] * out.r_bc
+        turned = self.W_b[whole] * (A[out.i] + A[out.j]) * self.table.r0_b[whole]
+        out.add(turned - self.soft_b[whole] * H["back_b"][whole])
         return out
-
-
-@njit(**INLINE)
-def row_slack(m, b0, i, node, w, v, intact, data):
-    """`lps._row` less what dashpots, or plastic flow, have let go."""
-    r0, W, WB, e, slack = data
-    for k in range(eights(m, b0, intact)):
-        b = np.uint64(b0) + np.uint64(k)
-        L = r0[b]
-        r = L + e[b]
-        D = r * L
-        D = 1.0 / D if D > 0.0 else 0.0
-        s = e[b] * D * r if r > 0.0 else -1.0
-        whole = intact[b] != 0
-        K = (W[b] * w[3 * C + k] * L + WB[b] * e[b] - slack[b]) * D * L
-        K = K if whole else 0.0
-        w[k] *= K
-        w[C + k] *= K
-        w[2 * C + k] *= K
-        w[6 * C + k] = s if whole else np.inf
-        w[7 * C + k] = s if whole else -np.inf

@@ -8,7 +8,11 @@ import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from ...errors import AtcError
+from ...running.output import explained
+from ...running.whole import write_dataset
 
 YES, ASSUMING, NO = "reproduces", "reproduces with an assumption", "does not reproduce"
 
@@ -104,7 +108,6 @@ class Report:
 
     def dataset(self, name: str, ds) -> None:
         """Save a dataset as name.nc beside the report."""
-        from ...running.whole import write_dataset
 
         write_dataset(ds, self.folder / f"{name}.nc")
 
@@ -122,7 +125,6 @@ class Report:
             "claim</h2><table><tr><th>where</th><th>claim</th><th>measured</th><th>verdict</th></tr>"
             f"{rows}</table>\n" + "\n".join(self._body) + "\n</body></html>\n"
         )
-        from ...running.output import explained
 
         path = self.folder / "report.html"
         with explained(path):
@@ -148,7 +150,6 @@ def _show(c) -> str:
 
 def _plain(value):
     """What JSON cannot hold: numpy numbers and arrays, fractions."""
-    import numpy as np
 
     if isinstance(value, np.ndarray):
         return value.tolist()
@@ -164,7 +165,6 @@ def percent(value: float) -> str:
 
 def draw_density(ax, x, t, density, title: str, *, limits=None, zoom=None):
     """The paper's picture: reference position across, time downwards, density as colour. `zoom` = (x0, x1, t0, t1)."""
-    import numpy as np
 
     x, t, density = np.asarray(x), np.asarray(t), np.asarray(density)
     if zoom is not None:

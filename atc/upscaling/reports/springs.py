@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 
 import numpy as np
 
@@ -510,7 +511,6 @@ def _refined_pulse(times) -> list[list]:
 
 
 def _coarse(report: Report) -> None:
-    from dataclasses import asdict
 
     fine = Springs.paper(SPACING, NEIGHBORS)
     methods = ("paper", "trapezoid", "moments-2", "moments-4", "band")
