@@ -159,7 +159,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     """
     from ..estimators.driver import fields_of
     from ..estimators.methods import Method
-    from ..estimators.registry import Work
+    from ..estimators.work import Work
     from ..planning.costs import direct as direct_seconds
     from ..planning.costs import gather as gather_seconds
     from ..planning.job import prepare
