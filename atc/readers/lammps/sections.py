@@ -159,7 +159,7 @@ class Section:
         hard = np.empty((4096, 4), np.int64)
         status, row, pos = _parse.FULL, 0, 0
         while status == _parse.FULL:
-            status, row, pos, n_hard = _parse.parse_table(
+            status, row, pos, n_hard = _parse.read_table(
                 buf, pos, np.array(kinds), np.array(slots), row, n, floats, ints, texts, hard
             )
             for r, c, a, b in hard[:n_hard].tolist():
