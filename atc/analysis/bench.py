@@ -18,8 +18,8 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from ..estimators.methods import Method
-from ..estimators.registry import Work
 from ..estimators.settings import Settings
+from ..estimators.work import Work
 from ..grids.planes import through_planes
 from ..pictures.drawing import save
 from ..planning.costs import direct as direct_seconds

@@ -255,7 +255,7 @@ class Scene(Document):
 
     def require_complete(self):
         """What the quantities asked for need must be there."""
-        from ..estimators.registry import Work
+        from ..estimators.work import Work
 
         quantities = self.get("fields", "quantities")
         if quantities is None:

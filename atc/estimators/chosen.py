@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import AtcError
-from .registry import Work
+from .work import Work
 
 
 @dataclass(frozen=True)
@@ -66,15 +66,13 @@ class Chosen:
         return some, scaled
 
 
-def chosen_of(frame, settings) -> Chosen | None:
-    """Those of a frame that the settings ask for; None: all."""
-    if settings.selection is None and settings.parts is None:
+def chosen_of(frame, selection, bonds: str, parts, part: int | None) -> Chosen | None:
+    """Those of a frame that are asked for (see `settings.Settings`); None: all."""
+    if selection is None and parts is None:
         return None
-    whole = np.ones(len(frame), bool) if settings.selection is None else settings.selection.of(frame)
-    part = None
-    if settings.parts is not None and settings.part is not None:
-        part = settings.parts.index_of(frame, whole) == settings.part
-    return Chosen(whole, part, settings.bonds)
+    whole = np.ones(len(frame), bool) if selection is None else selection.of(frame)
+    of_part = None if parts is None or part is None else parts.index_of(frame, whole) == part
+    return Chosen(whole, of_part, bonds)
 
 
 #: Fields that say something of all atoms only, and why.

@@ -14,9 +14,8 @@ import numpy as np
 from ..decomposers.constraints.virtual_sites import seen_by
 from ..decomposers.long_range.stress import SINGLE
 from ..errors import AtcError
-from .passes import has_size
-from .registry import BOND
-from .sources import bond_factors
+from .sources import BondFactors
+from .summed import BOND
 from .tensors import full
 
 # What of the tolerance goes to a field's modes left out, and to the charges' modes and the nodes, which cost little:
@@ -37,9 +36,8 @@ def is_checked(index: int) -> bool:
     return index % EVERY == 0
 
 
-def require_fields(frame, settings, work) -> None:
-    """Raise AtcError for what fields are not made for, one line each."""
-    fields = settings.pot.fields
+def require_fields(fields, kern, units, tolerance: float, work) -> None:
+    """Raise AtcError for what fields are not made for, one line each. kern : in `units`"""
     if not fields:
         return
     what = "long-range Coulomb (kspace_style)"
@@ -56,9 +54,8 @@ def require_fields(frame, settings, work) -> None:
             f"{', '.join(pd) or 'this quantity'}: not supported with {what}: a field has no bonds that could be "
             "weighted or shared between nodes"
         )
-    for term in fields:
-        if work.grid_users and work.bond:
-            _wave(term, settings.kern.in_dimension(3).scaled(frame.units.length), _tolerance(settings.tolerance))
+    for term in fields if work.kernel_users and work.bond else ():
+        _wave(term, kern.in_dimension(3).scaled(units.length), _tolerance(tolerance))
 
 
 def _tolerance(tolerance: float) -> float:
@@ -284,8 +281,11 @@ class FieldPass:
 
     Parameters
     ----------
+    pot : with fields
     frames, drifts : Frames, and the mean velocity of each
+    names : sums over bonds, of `KNOWN`
     place : `passes.Place`, the grid and the points of the error check
+    tolerance : of the result
 
     Attributes
     ----------
@@ -293,12 +293,10 @@ class FieldPass:
     check : of each frame, (c, k) at the points of the check
     """
 
-    def __init__(self, frames, drifts, settings, work, place):
-        self.pot, self.frames, self.drifts, self.index = settings.pot, frames, drifts, place.index
+    def __init__(self, pot, frames, drifts, names, place, tolerance: float):
+        self.pot, self.frames, self.drifts, self.index = pot, frames, drifts, place.index
         self.main, self.tight = (
-            FieldSums(
-                self.pot.fields, work.bond, place.bound, place.kern, settings.tolerance, settings.threads, tight=tight
-            )
+            FieldSums(pot.fields, names, place.bound, place.kern, tolerance, place.threads, tight=tight)
             for tight in (False, True)
         )
         self._has = None  # the frame that `tight` has the modes of
@@ -353,27 +351,23 @@ def attributes(sums: FieldSums, frame) -> dict:
     return out
 
 
-def finer_check(frame, settings, work, place, drift) -> np.ndarray | None:
+def finer_check(pot, frame, work, place, drift) -> np.ndarray | None:
     """(c, k) the bonds of a finer split at the points of the check, with the size of their terms; None for a potential
     without fields."""
     from ..decomposers.long_range.kspace import finer
 
-    pot = finer(settings.pot)
+    pot = finer(pot)
     if pot is None:
         return None
-    names, deposits = work.bond, place.check.deposits
-    widths, size = [BOND[name].width for name in names], has_size(work)
+    factors, size, deposits = BondFactors(work.bond, frame, drift), work.sized, place.check.deposits
     deposits.place(frame.positions)
-    deposit = deposits.open(work.n_bond + size, length=max(pot.cutoff, 0.0))
-    peculiar_nc = frame.velocities - drift if "power" in names else None
+    deposit = deposits.open(factors.width + size, length=max(pot.cutoff, 0.0))
 
     def consume(bonds, thread):
         for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
-            some = bonds.taken(found.bonds)
-            factors = bond_factors(names, widths, some, peculiar_nc, frame.velocities, size=size)
-            deposit.add_found(found, factors, thread)
+            deposit.add_found(found, factors.of(bonds.taken(found.bonds), size), thread)
 
-    pot.stream(frame, consume, threads=settings.threads, sources=bool(work.source_users))
+    pot.stream(frame, consume, threads=place.threads, sources=bool(work.source_users))
     return deposit.bond_sums()
 
 

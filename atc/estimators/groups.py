@@ -17,10 +17,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from .registry import Quantity, Work
+from .quantities.quantity import Quantity
 from .settings import FrameResult
 from .statistics import longest_block
 from .sums import Sums
+from .work import Work
 
 #: Atoms of all frames of a group, at most. The frames are held until the group is done: it may have to be computed
 #: again.

@@ -9,22 +9,22 @@ these, in `field_pass`: its shares are added to what the bonds give.
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
 
-from ..decomposers.constraints.virtual_sites import only_atoms
 from ..frame import Cell
 from .accuracy.random_points import Check, checking_kernel
 from .deposits import Deposits
 from .kinematics import Displacement
-from .peridynamic import WeightedVirials, horizon_of, node_volumes
-from .registry import BOND, GATHER, SITE, Work
-from .settings import Settings
-from .sources import AtomFactors, AtomSums, PerAtom, ReferenceBonds, bond_factors, piola_factor
-from .sums import churn_nothing
+from .peridynamic import WeightedVirials
+from .shifts import local_shifts
+from .sources import AtomFactors, AtomSums, BondFactors, OfAll, PerAtom, ReferenceBonds, piola_factor
+from .summed import BOND, GATHER, SITE, by_name
+from .sums import Sums, churn_nothing
 from .tile_cuts import Tile, owned
+from .work import Work
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,14 @@ class Place:
     check_points: int
 
     @classmethod
-    def on(cls, bound, frame, kern, settings: Settings, index: int, methods, again: bool = False) -> Place:
-        """The grid of a frame. `again`: the methods follow others that left too large an error, part of which may have
-        been the check's own."""
+    def on(
+        cls, bound, cell, kern, methods, tolerance: float, threads: int, index: int, check_points: int, again: bool
+    ) -> Place:
+        """A grid, and a check that is as close as the tolerance asks. `again`: the methods follow others that left too
+        large an error, part of which may have been the check's own."""
         cut = not again and bound.kind != "slab" and kern is not None
-        check_kern = checking_kernel(kern, methods, settings.tolerance) if cut else kern
-        return cls(bound, frame.cell, kern, check_kern, methods, settings.threads, index, settings.check_points)
+        check_kern = checking_kernel(kern, methods, tolerance) if cut else kern
+        return cls(bound, cell, kern, check_kern, methods, threads, index, check_points)
 
     @cached_property
     def grid(self) -> Deposits:
@@ -73,12 +75,6 @@ class Place:
 
     def __getstate__(self):
         return {f.name: getattr(self, f.name) for f in fields(self)}
-
-
-def by_name(names, sources, total_gk) -> dict[str, np.ndarray]:
-    """Sums side by side, taken apart by name."""
-    ends = np.cumsum([sources[name].width for name in names])
-    return dict(zip(names, np.split(total_gk, ends[:-1], axis=1), strict=True)) if names else {}
 
 
 # --- over the bonds
@@ -132,13 +128,8 @@ class BondPass:
             bond |= named_bond_sums(work, t.bond[k][:, : work.n_bond], churnless)
         if work.reference_bond:
             bond |= by_name(work.reference_bond, BOND, t.reference_bond[k])
-        size = float(t.bond[1][:, -1].max(initial=0.0)) if has_size(work) else 0.0
+        size = float(t.bond[1][:, -1].max(initial=0.0)) if work.sized else 0.0
         return {"bond": bond, "point": t.point[k], "size": size}
-
-
-def has_size(work: Work) -> bool:
-    """Whether the size of the stress's terms is summed up too, at the points of the check."""
-    return bool({"stress", "moment"} & {*work.bond})
 
 
 def named_bond_sums(work: Work, total_gk, churnless: bool) -> dict[str, np.ndarray]:
@@ -149,13 +140,30 @@ def named_bond_sums(work: Work, total_gk, churnless: bool) -> dict[str, np.ndarr
     return bond
 
 
+@dataclass(frozen=True)
+class BondTask:
+    """What is wanted of the bonds of a frame, or of its tiles; picklable.
+
+    here, reference : where sums over current bonds are wanted, and over those carried to the reference; or None
+    drift : (3,) what velocities are relative to
+    horizon : of the quantities that need one, or None
+    """
+
+    pot: object
+    work: Work
+    here: Place | None
+    reference: Place | None
+    threads: int
+    drift: np.ndarray
+    horizon: float | None = None
+
+
 class BondCollector:
     """What is added up while bonds stream by: all those of a frame, or of the cluster of atoms that is a tile, of which
     only the tile's own bonds count.
 
     Parameters
     ----------
-    here, reference : Place or None, for current bonds and for those carried to the reference
     to_reference : ReferenceBonds or None
     deposit : on the grid, if it is one of several frames: its sums are not taken here
     strongest : StrongestBonds that are told of every bond, or None
@@ -167,37 +175,35 @@ class BondCollector:
     def __init__(
         self,
         frame,
-        pot,
-        work: Work,
-        here: Place | None,
-        reference: Place | None,
-        *,
-        threads: int,
-        drift,
-        horizon=None,
+        task: BondTask,
         to_reference=None,
+        *,
         deposit=None,
         strongest=None,
         tile: Tile | None = None,
         check: bool = True,
         chosen=None,
     ):
+        pot, work, threads, here, reference = task.pot, task.work, task.threads, task.here, task.reference
         self.chosen = chosen
         self.frame, self.work, self.to_reference, self.strongest, self.tile = frame, work, to_reference, strongest, tile
         # The error check takes only the bonds near its points, and one more sum: how large the terms of the stress are.
-        self.size, length = has_size(work), max(pot.cutoff, 0.0)
+        length = max(pot.cutoff, 0.0)
         self.shared, self.deposit, self.check = deposit is not None, deposit, None
+        self.factors = BondFactors(work.bond, frame, task.drift)
         if work.bond:
             self.deposit = deposit if self.shared else here.grid.open(work.n_bond)
         if work.bond and check:
             here.check.deposits.place(frame.positions)  # before threads ask for it
-            self.check = here.check.deposits.open(work.n_bond + self.size, length=length)
+            self.check = here.check.deposits.open(work.n_bond + work.sized, length=length)
         self.reference_deposit = self.reference_check = None
         if work.reference_bond:
             self.reference_deposit = reference.grid.open(work.n_reference_bond, "reference_bond")
             reference.check.deposits.place(to_reference.X_nc)
             self.reference_check = reference.check.deposits.open(work.n_reference_bond, length=length)
-        self.weighted = WeightedVirials(pot, threads, work, here, reference, horizon) if work.horizon_users else None
+        self.weighted = (
+            WeightedVirials(pot, threads, work, here, reference, task.horizon) if work.horizon_users else None
+        )
         self.atoms = AtomSums(
             frame,
             threads,
@@ -207,8 +213,6 @@ class BondCollector:
             reference_moment="reference_atom_moment" in work.whole,
         )
         self.power = AtomSums(frame, threads, power="box_power" in work.whole)
-        self.widths = [BOND[name].width for name in work.bond]
-        self.peculiar_nc = frame.velocities - drift if "power" in work.bond else None
         self._virials = [np.zeros((3, 3)) for _ in range(threads)]  # of a tile's own bonds
 
     @property
@@ -221,10 +225,6 @@ class BondCollector:
     def own_virial(self) -> bool:
         """Whether not all bonds that stream by count."""
         return self.tile is not None or self.chosen is not None
-
-    def factors(self, bonds, size=False) -> np.ndarray:
-        """(b, k) the factors of Σ b β."""
-        return bond_factors(self.work.bond, self.widths, bonds, self.peculiar_nc, self.frame.velocities, size=size)
 
     def consume(self, bonds, thread: int) -> None:
         x_nc, X_bc, R_bc = self.frame.positions, None, None
@@ -252,11 +252,11 @@ class BondCollector:
             if self.work.bond == ["stress"]:
                 self.deposit.add_bond_stress(x_nc, bonds.i, bonds.r_bc, bonds.G_b, thread=thread, j_b=bonds.j)
             else:
-                self.deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, self.factors(bonds), thread=thread)
+                self.deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, self.factors.of(bonds), thread=thread)
             if self.strongest is not None:
                 self.strongest.add(bonds, thread)
             for found in self.check.find(x_nc, bonds.i, bonds.r_bc, thread) if self.check is not None else ():
-                self.check.add_found(found, self.factors(bonds.taken(found.bonds), self.size), thread)
+                self.check.add_found(found, self.factors.of(bonds.taken(found.bonds), self.work.sized), thread)
         if self.work.reference_bond:
             P_b9 = piola_factor(bonds, R_bc)
             self.reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
@@ -298,93 +298,98 @@ class BondCollector:
         return PerAtom(energies, a.virial_n6, a.residual_n4, a.moment_n9, a.reference_moment_n9, forces)
 
 
-def reference_bonds(frame, settings: Settings, work: Work) -> ReferenceBonds | None:
+def reference_bonds(frame, reference, work: Work) -> ReferenceBonds | None:
     """How bonds are carried to the reference configuration, if anything asked needs them there."""
     needed = work.reference_bond or work.reference_point or "reference_atom_moment" in work.whole
-    return ReferenceBonds(frame, settings.reference) if needed else None
+    return ReferenceBonds(frame, reference) if needed else None
 
 
-def bond_pass(
-    frame,
-    settings: Settings,
-    work: Work,
-    here: Place | None,
-    reference: Place | None,
-    drift,
-    deposit=None,
-    strongest=None,
-    check: bool = True,
-    chosen=None,
-    kept=None,
-) -> BondPass:
-    """One pass over the bonds of a frame for every sum over them. See `BondCollector`; kept : `Potential.stream`."""
-    horizon = horizon_of(settings, frame.units, work.horizon_users) if work.horizon_users else None
-    collector = BondCollector(
-        frame, settings.pot, work, here, reference, threads=settings.threads, drift=drift, horizon=horizon,
-        to_reference=reference_bonds(frame, settings, work), deposit=deposit, strongest=strongest, check=check,
-        chosen=chosen,
-    )  # fmt: skip
-    with nullcontext() if settings.anchor is None else settings.anchor.at(frame):
-        decomposition = collector.stream(settings.pot, kept)
+def bond_pass(frame, task: BondTask, to_reference=None, anchor=None, kept=None, **more) -> BondPass:
+    """One pass over the bonds of a frame for every sum over them.
+
+    Parameters
+    ----------
+    anchor : a list of neighbours kept for many frames, see `atc.neighbors.verlet`; or None
+    kept : see `Potential.stream`
+    more : see `BondCollector`
+    """
+    collector = BondCollector(frame, task, to_reference, **more)
+    with nullcontext() if anchor is None else anchor.at(frame):
+        decomposition = collector.stream(task.pot, kept)
     notes = dict(getattr(decomposition, "notes", None) or {})
     return BondPass(collector.totals(decomposition), collector.per_atom(decomposition), notes, kept)
-
-
-def strongest_factors(frame, work: Work, bonds, drift) -> np.ndarray:
-    """(b, k) the factors of Σ b β of a few bonds."""
-    widths = [BOND[name].width for name in work.bond]
-    return bond_factors(
-        work.bond, widths, bonds, frame.velocities - drift if "power" in work.bond else None, frame.velocities
-    )
 
 
 # --- over the atoms
 
 
-def site_pass(frame, work: Work, deposits: Deposits, factors: AtomFactors) -> dict[str, np.ndarray]:
-    """One pass over the atoms for every sum over them, at one set of points."""
-    x_nc, a_nk, some = frame.positions, factors.columns(work.site), factors.some
-    return by_name(work.site, SITE, deposits.sites(x_nc[some], np.ascontiguousarray(a_nk[some])))
+def atom_pass(
+    sums: Sums, frame, work: Work, deposits: Deposits, factors: AtomFactors, squares_within: float = 0.0
+) -> Sums:
+    """`sums` with those over the atoms, at one set of points: one pass for all of them; further ones for sums of φ²,
+    and where regions move at very different speeds.
+
+    squares_within : what sums of φ² may lack, see `deposits.SQUARES`
+    """
+    names, x_nc = work.site, frame.positions
+    unshifted = {"thermal_shifted": None, "kinetic_flux_shifted": None, "thermal_all_shifted": None}
+    sums = replace(sums, site=_over_atoms(deposits.sites, names, x_nc, factors), **unshifted)
+    if work.squares:
+        # They say by how much thermal motion is corrected: a share 1/N = Σ φ²/n² of it, n the number density.
+        below = squares_within * sums.all_number.min(initial=np.inf) if squares_within else 0.0
+        sums.squared = _over_atoms(deposits.squares, work.squares, x_nc, factors, below)
+    if "kinetic" in names and "momentum" in names:
+        found = local_shifts(sums, deposits, x_nc, factors, flux="kinetic_flux" in names)
+        sums.thermal_shifted, sums.kinetic_flux_shifted = found
+        if "all_kinetic" in names:
+            sums.thermal_all_shifted = local_shifts(sums.of_all, deposits, x_nc, OfAll(factors))[0]
+    if sums.squared:
+        sums.count_freedom()
+    return sums
 
 
-def squares_pass(
-    frame, work: Work, deposits: Deposits, factors: AtomFactors, below: float = 0.0
-) -> dict[str, np.ndarray]:
-    """Σ a φ² of what is named in `Work.squares`, at one set of points; `below` as of `Deposits.squares`."""
-    a_nk, some = factors.columns(work.squares), factors.some
-    sums = deposits.squares(frame.positions[some], np.ascontiguousarray(a_nk[some]), below)
-    return by_name(work.squares, SITE, sums)
+def _over_atoms(take, names, x_nc, factors: AtomFactors, *more) -> dict[str, np.ndarray]:
+    """What `take` of some `Deposits` gives of the named factors."""
+    some = factors.some
+    return by_name(names, SITE, take(x_nc[some], np.ascontiguousarray(factors.columns(names)[some]), *more))
 
 
-def gather_pass(frame, settings: Settings, work: Work, place: Place, factors: AtomFactors) -> list[dict]:
-    """The sums that need the kernel's gradient, or displacements: "gathered" and "gradient" of the grid and of the
-    points of the check."""
-    gradient = any(q.gradient for q in work.quantities if not q.on_reference)
+def add_atoms(deposits: Deposits, deposit, frame, names, factors: AtomFactors) -> None:
+    """The named factors of a frame's atoms into a deposit of several frames."""
+    x_nc, a_nk, some = deposits.place(frame.positions), factors.columns(names), factors.some
+    deposits.add_sites(deposit, x_nc[some], np.ascontiguousarray(a_nk[some]))
+
+
+def gather_pass(frame, reference, work: Work, place: Place, factors: AtomFactors) -> list[dict]:
+    """The sums that need the kernel's gradient, or displacements from a reference: "gathered" and "gradient" of the
+    grid and of the points of the check."""
     plain = [name for name in work.gather if name not in ("mass", "displacement")]
     extra = factors.columns(plain) if plain else np.zeros((len(frame), 0))
     displacement, m_n = None, factors.masses
     if "displacement" in work.gather:
-        displacement = Displacement(frame.replace(masses=m_n), settings.reference, False)
+        displacement = Displacement(frame.replace(masses=m_n), reference, False)
     names = ["mass", "displacement", *plain] if displacement else ["mass", *plain]
     out = []
     for deposits in place.both:
         if displacement is not None:
-            values, gradients = displacement.gather(deposits, frame.positions, m_n, extra, gradient)
+            found = displacement.gather(deposits, frame.positions, m_n, extra, work.slopes("gather"))
         else:
             a_nk = np.concatenate([m_n[:, None], extra], axis=1)
-            values, gradients = deposits.gather(frame.positions, a_nk, None, gradient)
-        out.append(_gathered(names, values, gradients))
+            found = deposits.gather(frame.positions, a_nk, None, work.slopes("gather"))
+        out.append(_gathered(names, *found))
     return out
 
 
-def reference_gather_pass(frame, settings: Settings, place: Place, factors: AtomFactors) -> list[dict]:
-    """The same over reference positions."""
-    displacement = Displacement(frame, settings.reference, True)
-    energy_n1 = (factors.per_atom.energies_n - settings.reference_energies_n)[:, None]
+def reference_gather_pass(frame, reference, energies_n, place: Place, factors: AtomFactors) -> list[dict]:
+    """The same over reference positions. energies_n : of the atoms in the reference"""
+    displacement = Displacement(frame, reference, True)
+    energy_n1 = (factors.per_atom.energies_n - energies_n)[:, None]
     names = ["reference_mass", "reference_displacement", "reference_energy"]
-    X_nc = settings.reference.positions
     return [
-        _gathered(names, *displacement.gather(deposits, X_nc, frame.masses, energy_n1, True, "reference_gather"))
+        _gathered(
+            names,
+            *displacement.gather(deposits, reference.positions, frame.masses, energy_n1, True, "reference_gather"),
+        )
         for deposits in place.both
     ]
 
@@ -394,22 +399,3 @@ def _gathered(names, values, gradients) -> dict:
         "gathered": by_name(names, GATHER, values),
         "gradient": {} if gradients is None else by_name(names, GATHER, gradients),
     }
-
-
-def whole_sum(name: str, frame, factors: AtomFactors, bonds: BondPass) -> np.ndarray:
-    """A sum without a kernel: over the whole frame, or of each atom."""
-    per_atom = bonds.per_atom
-    if name == "box_virial":
-        return bonds.totals.virial_cc.reshape(9)
-    if name == "atom_virial":
-        return only_atoms(frame, per_atom.virial_n6)
-    if name in ("atom_moment", "reference_atom_moment"):
-        return only_atoms(frame, per_atom.moment_n9 if name == "atom_moment" else per_atom.reference_moment_n9)
-    if name == "atom_volume":
-        return node_volumes(frame)
-    if name == "box_power":
-        return bonds.totals.power_c
-    if name == "box_convection":
-        return factors["energy_current"].sum(0)
-    kinetic_n6 = only_atoms(frame, factors["kinetic"])
-    return kinetic_n6 if name == "atom_kinetic" else kinetic_n6.sum(0)

@@ -105,19 +105,18 @@ def ball_volume(horizon: float, pot, cell) -> float:
     return 2.0 * horizon * cell.volume / cell.heights[0]
 
 
-def horizon_of(settings, units, users) -> float:
-    """The horizon, internal units: the user's, else the potential's own, else its reach."""
-    if settings.grid.kind == "slab":
+def horizon_of(given, pot, grid, units, users) -> float:
+    """The horizon, internal units: the one given (the user's unit), else the potential's own, else its reach."""
+    if grid.kind == "slab":
         raise AtcError(
             f"{users[0]} belongs to points, not to bins of a slab: take a regular, plane, line or points grid, or "
             "peridynamic_stress"
         )
-    given = settings.horizon
     if given is not None:
         if isinstance(given, bool) or not isinstance(given, (int, float, np.number)) or not 0 < given < np.inf:
             raise AtcError(f"horizon {given!r}: expected a length greater than 0 in the trajectory's units")
         return float(given) * units.factor("length")
-    found = settings.pot.horizon or settings.pot.cutoff
+    found = pot.horizon or pot.cutoff
     if not found > 0:
         raise AtcError(
             f"{users[0]} needs a horizon, and the potential has no cutoff to take for it: give horizon, a length"

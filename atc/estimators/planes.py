@@ -19,16 +19,15 @@ import numpy as np
 
 from ..deposit.crossings import Crossings
 from ..errors import AtcError
-from .chosen import chosen_of
-from .registry import BOND, SITE, Work
-from .requirements import require
-from .settings import FrameResult, Settings
-from .sources import AtomFactors, PerAtom, bond_factors, cells_moved, same_atoms
+from ..grids.planes import BY_FRAMES, by_frames
+from .settings import FrameResult
+from .sources import AtomFactors, BondFactors, PerAtom, cells_moved, same_atoms
+from .summed import BOND, SITE, by_name
 from .sums import Sums
+from .work import Work
 
 #: What is a flux, or a sum of the same kind.
 KNOWN = ("stress", "stress_kinetic", "stress_potential", "momentum", "energy_flux")
-BY_FRAMES = "frames"
 _ROW = (
     "the row of the normal, and what flows along it, is what passes through the plane; other components are averages "
     "over the plane along the lines of bonds and paths, which have no bounds where these lie flat in it"
@@ -64,7 +63,7 @@ def require_countable(work: Work, pot, grid) -> None:
 def counted_how(grid, pot, units) -> str:
     """Over which time passages of atoms are counted, in words."""
     asked = grid._["interval"]
-    if asked == BY_FRAMES:
+    if by_frames(grid):
         return "from the frame before to this one"
     step = _timestep(pot)
     time = asked if asked is not None else None if step is None else units.to_user("time", step)
@@ -72,50 +71,27 @@ def counted_how(grid, pot, units) -> str:
     return "not needed" if time is None else " ".join(f"{time:g} {units.label('time')} {back}".split())
 
 
-def unneeded(work: Work, grid) -> tuple[str, ...]:
-    """Attributes of frames that the quantities need elsewhere: velocities, where atoms are seen to move."""
-    return ("velocities",) if grid._["interval"] == BY_FRAMES and "power_lab" not in work.bond else ()
+def of_frame(frame, grid, names, pot, chosen, threads: int, anchor=None) -> FrameResult:
+    """The fields of a frame on planes.
 
-
-def of_frame(frames, settings: Settings, index: int, fields_of) -> FrameResult:
-    """The fields of a frame on planes; everything else asked by `fields_of` (`driver.fields_of`)."""
-    (frame,) = frames
-    more = {"velocity": "none", "churnless": settings.churnless, "kernel": False}
-    work = Work.of(settings.names, settings.central, **more)
-    own = tuple(q.name for q in work.quantities if q.kind == "grid")
-    others = tuple(q.name for q in work.quantities if q.kind != "grid")
-    result = _fields(frame, replace(settings, names=own), Work.of(own, settings.central, **more))
-    if not others:
-        return result
-    beside = fields_of(frames, replace(settings, names=others, grid=None), index)
-    return replace(
-        beside,
-        arrays={name: {**result.arrays, **beside.arrays}[name] for name in settings.names},
-        errors={**beside.errors, **result.errors},
-        expected={**beside.expected, **result.expected},
-        bound=result.bound,
-        seconds={key: result.seconds.get(key, 0.0) + s for key, s in beside.seconds.items()},
-    )
-
-
-def _fields(frame, settings: Settings, work: Work) -> FrameResult:
-    start = perf_counter()
-    grid, units = settings.grid, frame.units
-    path = Path.of(frame, settings, work)
-    require(frame if path is None else path.frame, settings, work)
-    if "power_lab" in work.bond:
-        frame.require("velocities", why="energy_flux")
+    Parameters
+    ----------
+    frame : Frame, which has what they need (`requirements`)
+    grid : the planes
+    names : of quantities, of `KNOWN`
+    pot : potential, or None
+    chosen : `chosen.Chosen`, or None
+    anchor : a list of neighbours kept for many frames, or None
+    """
+    start, work, units = perf_counter(), Work.on(grid, names, pot), frame.units
+    path = Path.of(frame, grid, pot, work)
     bound = grid.bind(units, frame.cell, frame.positions)
-    chosen = chosen_of(frame, settings)
-    bonds = _Bonds(frame, settings, work, bound, chosen)
+    bonds = _Bonds(frame, pot, work, bound, chosen, threads, anchor)
     done = perf_counter()
     site = {}
     if path is not None:
-        factors = AtomFactors(path.frame, np.zeros(3), bonds.per_atom, settings.pot, chosen)
-        a_nk = factors.columns(work.site)
-        crossings = Crossings(bound, frame.cell, a_nk.shape[1])
-        crossings.add_paths(crossings.places(frame.positions), path.d_nc, a_nk)
-        site = _by_name(work.site, SITE, crossings.sums())
+        factors = AtomFactors(path.frame, np.zeros(3), bonds.per_atom, pot, chosen)
+        site = by_name(work.site, SITE, paths_through(bound, frame, path.d_nc, factors.columns(work.site)))
     sums = Sums(
         site=site, bond=bonds.sums, boltzmann=units.boltzmann, dimension=frame.dimension, velocities="none"
     )  # fmt: skip
@@ -130,9 +106,23 @@ def _fields(frame, settings: Settings, work: Work) -> FrameResult:
     )
 
 
-def _by_name(names, sources, total_gk) -> dict:
-    ends = np.cumsum([sources[name].width for name in names])
-    return dict(zip(names, np.split(total_gk, ends[:-1], axis=1), strict=True))
+def with_others(on_planes: FrameResult, others: FrameResult, names) -> FrameResult:
+    """The fields on planes, and those of the same frame that are on no grid, in the order of `names`."""
+    return replace(
+        others,
+        arrays={name: {**on_planes.arrays, **others.arrays}[name] for name in names},
+        errors={**others.errors, **on_planes.errors},
+        expected={**others.expected, **on_planes.expected},
+        bound=on_planes.bound,
+        seconds={key: on_planes.seconds.get(key, 0.0) + s for key, s in others.seconds.items()},
+    )
+
+
+def paths_through(bound, frame, d_nc, a_nk) -> np.ndarray:
+    """(g, k) what atoms that came by d carry through the planes."""
+    crossings = Crossings(bound, frame.cell, a_nk.shape[1])
+    crossings.add_paths(crossings.places(frame.positions), d_nc, a_nk)
+    return crossings.sums()
 
 
 class _Bonds:
@@ -141,32 +131,31 @@ class _Bonds:
     sums : by name. per_atom : energies, where asked for. notes : as of a `Decomposition`
     """
 
-    def __init__(self, frame, settings: Settings, work: Work, bound, chosen):
+    def __init__(self, frame, pot, work: Work, bound, chosen, threads: int, anchor):
         self.sums, self.per_atom, self.notes = {}, PerAtom(), {}
         if not work.bond_users:
             return
-        widths = [BOND[name].width for name in work.bond]
-        crossings = Crossings(bound, frame.cell, sum(widths), settings.threads)
+        factors = BondFactors(work.bond, frame, np.zeros(3))
+        crossings = Crossings(bound, frame.cell, factors.width, threads)
         s_n3 = crossings.places(frame.positions)
 
         def consume(bonds, thread):
             if chosen is not None:
                 bonds = chosen.taken(bonds)[1]
             if len(bonds):
-                b_bk = bond_factors(work.bond, widths, bonds, frame.velocities, frame.velocities)
-                crossings.add_between(s_n3, bonds.i, bonds.j, bonds.r_bc, b_bk, thread)
+                crossings.add_between(s_n3, bonds.i, bonds.j, bonds.r_bc, factors.of(bonds), thread)
 
         sources = {"sources": True} if work.source_users else {}
-        with nullcontext() if settings.anchor is None else settings.anchor.at(frame):
-            found = settings.pot.stream(
-                frame, consume if work.bond else None, threads=settings.threads, energies=bool(work.energy_users),
+        with nullcontext() if anchor is None else anchor.at(frame):
+            found = pot.stream(
+                frame, consume if work.bond else None, threads=threads, energies=bool(work.energy_users),
                 forces=False, **sources,
             )  # fmt: skip
         if work.energy_users:
             self.per_atom = PerAtom(energies_n=found.energies_n)
         self.notes = dict(getattr(found, "notes", None) or {})
         if work.bond:
-            self.sums = _by_name(work.bond, BOND, crossings.sums())
+            self.sums = by_name(work.bond, BOND, crossings.sums())
 
 
 class Path:
@@ -180,16 +169,15 @@ class Path:
         self.frame, self.d_nc = frame.replace(velocities=u_nc), u_nc * interval
 
     @classmethod
-    def of(cls, frame, settings: Settings, work: Work) -> Path | None:
+    def of(cls, frame, grid, pot, work: Work) -> Path | None:
         """None where nothing asked needs it."""
         if not work.site:
             return None
-        asked = settings.grid._["interval"]
+        asked = grid._["interval"]
         if asked == BY_FRAMES:
-            d_nc, interval = _since(frame, settings.pot)
+            d_nc, interval = _since(frame, pot)
             return cls(frame, d_nc / interval, interval)
-        frame.require("velocities", "masses", why=", ".join(q.name for q in work.quantities if q.site))
-        step = _timestep(settings.pot)
+        step = _timestep(pot)
         if asked is None and step is None:
             raise AtcError(
                 "planes: over which time passages of atoms are counted is not known: give interval in [grid], e.g. the "

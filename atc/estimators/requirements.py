@@ -9,45 +9,46 @@ from .columns import is_column
 from .columns import values as column_values
 from .field_pass import require_fields
 from .peridynamic import horizon_of, node_volumes
-from .registry import Work
 from .settings import Settings
+from .work import Work
 
 
 def require(frame, settings: Settings, work: Work) -> None:
     """Raise AtcError for the first thing that is missing: an attribute of the atoms, a potential, a kernel, a grid, a
     reference."""
+    pot, kern, grid = settings.pot, settings.kern, settings.grid
     for attribute, users in work.attributes.items():
         if is_column(attribute):
             column_values(frame, attribute.removeprefix("column:"), ", ".join(users))
         else:
             frame.require(attribute, why=", ".join(users))
-    if work.bond_users:
-        if settings.pot is None:
-            raise AtcError(
-                f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of "
-                "the run"
-            )
-        require_compatible(settings.pot.units, frame.units, "the potential", frame.source)
-        require_fields(frame, settings, work)
-        if settings.pot.sites is not None:
-            require_with_sites(settings, work)
-        if not settings.central:
-            require_directed(settings.pot, work)
-    for users, name, word in ((work.kernel_users, "kern", "kernel"), (work.grid_users, "grid", "grid")):
-        if users and getattr(settings, name) is None:
+    if work.bond_users and pot is None:
+        raise AtcError(
+            f"no potential was given but {_need(work.bond_users)} one: give the pair_style/pair_coeff lines of the run"
+        )
+    if work.bond_users and pot.sites is not None:
+        require_with_sites(settings, work)
+    if work.bond_users and not pot.central:
+        require_directed(pot, work)
+    for users, given, word in ((work.kernel_users, kern, "kernel"), (work.grid_users, grid, "grid")):
+        if users and given is None:
             raise AtcError(f"no {word} was given but {_need(users)} one")
-    if work.horizon_users:
-        horizon_of(settings, frame.units, work.horizon_users)
-    if "atom_volume" in work.whole:
-        node_volumes(frame)
-    if work.gradient_users and settings.kern is not None:
-        from ..deposit.gradient import require_differentiable
-
-        require_differentiable(settings.kern, ", ".join(work.gradient_users))
     if work.reference_users and settings.reference is None:
         raise AtcError(f"no reference frame was given but {_need(work.reference_users)} one: pass reference=")
     if any(q.kind == "box" for q in work.quantities) and not frame.cell.volume > 0:
         raise AtcError(f"{frame.source}: the cell has no volume, so the virial stress of the box is not defined")
+    # What other rooms know of.
+    if work.bond_users:
+        require_compatible(pot.units, frame.units, "the potential", frame.source)
+        require_fields(pot.fields, kern, frame.units, settings.tolerance, work)
+    if work.horizon_users:
+        horizon_of(settings.horizon, pot, grid, frame.units, work.horizon_users)
+    if "atom_volume" in work.whole:
+        node_volumes(frame)
+    if work.gradient_users and kern is not None:
+        from ..deposit.gradient import require_differentiable
+
+        require_differentiable(kern, ", ".join(work.gradient_users))
 
 
 def require_directed(pot, work: Work) -> None:

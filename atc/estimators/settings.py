@@ -10,6 +10,7 @@ import numpy as np
 from ..contracts import BoundGrid, Grid, Interactions, Kernel
 from ..frame import Frame
 from .methods import Method, Refinement
+from .work import Work
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,9 @@ class Settings:
     follow: object = None
 
     @property
-    def central(self) -> bool:
-        """Whether the potential's forces act along bonds."""
-        return self.pot is None or self.pot.central
+    def work(self) -> Work:
+        """What is to be summed."""
+        return Work.on(self.grid, self.names, self.pot, self.part is not None, self.velocity)
 
     @property
     def churnless(self) -> bool:

@@ -1,4 +1,4 @@
-"""The per-atom factors a_j of the site sums and the bond factors b that need more than r and G."""
+"""The values that are summed, of one frame: of its atoms, gathered while its bonds stream by, and of its bonds."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..decomposers.constraints.virtual_sites import atoms_of
+from ..decomposers.constraints.virtual_sites import atoms_of, only_atoms
 from ..errors import AtcError
-from . import columns
-from .tensors import outer6
+from .peridynamic import node_volumes
+from .summed import ALL, BOND, SITE
 
 
 def drift_velocity(frame, chosen_n=None) -> np.ndarray:
@@ -63,12 +63,11 @@ class AtomFactors:
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._kept:
-            inner = name.removeprefix("all_")
-            a_nk = columns.factor(self.atoms, name) if columns.is_column(name) else getattr(self, f"_{inner}")()
+            a_nk = SITE[name].of(self)
             if len(a_nk) < len(self.frame):
                 a_nk = self.frame.padded(a_nk)
             if self.chosen is not None:
-                of = self.chosen.own_n if inner == name else self.chosen.chosen_n
+                of = self.chosen.chosen_n if name.startswith(ALL) else self.chosen.own_n
                 a_nk = np.where(of[:, None], a_nk, 0.0)
             self._kept[name] = a_nk
         return self._kept[name]
@@ -85,64 +84,18 @@ class AtomFactors:
             return slice(None)
         return np.flatnonzero(self.chosen.chosen_n)
 
+    @property
+    def volumes(self) -> np.ndarray:
+        """(n,) of the nodes of a body."""
+        return node_volumes(self.frame)
+
+    def only_atoms(self, a_nk) -> np.ndarray:
+        """The rows of the atoms themselves, with what their virtual sites have."""
+        return only_atoms(self.frame, a_nk)
+
     def columns(self, names) -> np.ndarray:
         """(n, k) the named factors side by side."""
         return np.ascontiguousarray(np.concatenate([self[name] for name in names], axis=1))
-
-    def _one(self):
-        return np.ones((len(self.atoms), 1))
-
-    def _degrees(self):
-        if self.pot is None:
-            from ..decomposers.constraints.topology import degrees_of_topology
-
-            free = degrees_of_topology(self.atoms)
-            return self._one() if free is None else free[:, None] / self.frame.dimension
-        constraints = self.pot.constraints
-        if constraints is None:
-            inside = self.pot.sites is not None
-            return (self.atoms.masses > 0.0)[:, None].astype(float) if inside else self._one()
-        return constraints.degrees(self.pot.complete(self.atoms))[:, None] / self.frame.dimension
-
-    def _mass(self):
-        return self.frame.masses[:, None].copy()
-
-    def _momentum(self):
-        return self.frame.masses[:, None] * self.peculiar_nc
-
-    def _kinetic(self):
-        return self.frame.masses[:, None] * outer6(self.peculiar_nc)
-
-    def _kinetic_energy(self):
-        return 0.5 * self["mass"] * np.einsum("nc,nc->n", self.frame.velocities, self.frame.velocities)[:, None]
-
-    def _potential_energy(self):
-        return self.per_atom.energies_n[:, None]
-
-    def _atom_virial(self):
-        return self.per_atom.virial_n6
-
-    def _atom_moment(self):
-        return self.per_atom.moment_n9
-
-    def _kinetic_flux(self):
-        v = self.peculiar_nc
-        return 0.5 * self["mass"] * np.einsum("nc,nc->n", v, v)[:, None] * v
-
-    def _potential_flux(self):
-        return self.per_atom.energies_n[:, None] * self.peculiar_nc
-
-    def _energy_current(self):
-        return (self["kinetic_energy"] + self.per_atom.energies_n[:, None]) * self.frame.velocities
-
-    def _outside_force(self):
-        return self.pot.body_forces(self.atoms, self.per_atom.forces_nc[: len(self.atoms)])[0]
-
-    def _outside_power(self):
-        return np.einsum("nc,nc->n", self["outside_force"], self.frame.velocities)[:, None]
-
-    def _source_residual(self):
-        return self.per_atom.residual_n4
 
 
 class OfAll:
@@ -152,7 +105,7 @@ class OfAll:
         self.factors, self.peculiar_nc = factors, factors.peculiar_nc
 
     def __getitem__(self, name: str) -> np.ndarray:
-        return self.factors["all_" + name]
+        return self.factors[ALL + name]
 
 
 class AtomSums:
@@ -209,31 +162,41 @@ def _total(buffers):
     return None if buffers is None else sum(buffers[1:], buffers[0])
 
 
-def bond_factors(names, widths, bonds, peculiar_nc, velocities_nc, size=False) -> np.ndarray:
-    """(b, k) the named factors of Σ b β, side by side; |F| |r| too if `size`."""
-    from ..deposit.direct import put_stress
-    from . import _numba
+class BondFactors:
+    """The factors of Σ b β for the bonds of a frame, side by side.
 
-    out = np.empty((len(bonds), sum(widths) + size))
-    if not len(bonds):  # which need not have sources either
+    names : of `summed.BOND`
+    drift : what velocities in "power" are relative to
+    """
+
+    def __init__(self, names, frame, drift):
+        self.names, self.velocities = names, frame.velocities
+        self.widths = [BOND[name].width for name in names]
+        self.peculiar_nc = frame.velocities - drift if "power" in names else None
+
+    @property
+    def width(self) -> int:
+        return sum(self.widths)
+
+    @property
+    def sources(self) -> bool:
+        """Whether they are made of the bonds' energy sources."""
+        return any(BOND[name].sources for name in self.names)
+
+    def of(self, bonds, size: bool = False) -> np.ndarray:
+        """(b, k); |F| |r| too if `size`."""
+        out = np.empty((len(bonds), self.width + size))
+        if not len(bonds):  # which need not have sources either
+            return out
+        if size:
+            r2 = np.einsum("bc,bc->b", bonds.r_bc, bonds.r_bc)
+            F_bc = bonds.F_bc
+            out[:, -1] = np.abs(bonds.G_b) * r2 if F_bc is None else np.sqrt(r2 * np.einsum("bc,bc->b", F_bc, F_bc))
+        at = 0
+        for name, width in zip(self.names, self.widths):
+            BOND[name].of(self, bonds, at, out)
+            at += width
         return out
-    if size:
-        r2 = np.einsum("bc,bc->b", bonds.r_bc, bonds.r_bc)
-        F_bc = bonds.F_bc
-        out[:, -1] = np.abs(bonds.G_b) * r2 if F_bc is None else np.sqrt(r2 * np.einsum("bc,bc->b", F_bc, F_bc))
-    at = 0
-    for name, width in zip(names, widths):
-        if name == "stress":
-            put_stress(bonds.r_bc, bonds.G_b, at, out)
-        elif name == "moment":
-            _numba.put_moment(bonds.r_bc, bonds.forces(), at, out)
-        elif name == "sources":
-            _numba.put_sources(bonds.r_bc, bonds.D_bdc, at, out)
-        else:
-            v_nc = {"power": peculiar_nc, "power_lab": velocities_nc}[name]
-            _numba.put_power(bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, bonds.powers(), v_nc, at, out)
-        at += width
-    return out
 
 
 def same_atoms(frame, reference) -> None:

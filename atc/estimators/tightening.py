@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from .methods import EXACT, Method, Refinement, deposits_of
-from .registry import Quantity, Work
+from .quantities.quantity import Quantity
+from .work import Work
 
 #: What of the tolerance may be found, at random points and around the strongest bonds. All of it may be what normally
 #: distributed errors reach at as many points as there are: an estimate on the large side, since errors of neighbouring
@@ -25,10 +26,10 @@ _QUOTIENTS = (
 )
 
 
-def watched(work: Work, settings, methods) -> bool:
+def watched(work: Work, methods, check_points: int) -> bool:
     """Whether there are approximate sums over bonds, and fields of them, that are to be looked at around the strongest
     bonds."""
-    return bool(not methods.get("bond", EXACT).exact and work.bond and settings.check_points and checkable(work))
+    return bool(not methods.get("bond", EXACT).exact and work.bond and check_points and checkable(work))
 
 
 def checkable(work: Work) -> list[Quantity]:

@@ -121,8 +121,8 @@ class Cut:
                 return special.lists(top, len(self.frame))[:3]
         return None
 
-    def tiles(self, empty=False):
-        """The tiles, one after the other; those without atoms only if `empty`."""
+    def tiles(self):
+        """The tiles that have atoms, one after the other; of a frame without any, one that is empty."""
         cell, s = self.frame.cell, self.s_nc
         low = np.where(cell.periodic, 0.0, s.min(0, initial=0.0))
         span = np.where(cell.periodic, 1.0, np.maximum(s.max(0, initial=1.0) - low, 1e-9))
@@ -130,7 +130,7 @@ class Cut:
         h = self.halo / cell.heights
         for at in np.ndindex(*self.counts):
             own = (place == at).all(1)
-            if not own.any() and not empty:
+            if not own.any() and (len(s) or any(at)):
                 continue
             # The atoms' own extent, not the tile's: an atom on the border may have been put on either side.
             lo, hi = s[own].min(0, initial=np.inf) - h, s[own].max(0, initial=-np.inf) + h

@@ -10,29 +10,15 @@ are complete in the tile that owns the atom.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
 from ..errors import AtcError
-from .passes import BondCollector, BondPass, BondTotals, Place, reference_bonds
-from .peridynamic import horizon_of
-from .registry import Work
+from .passes import BondCollector, BondPass, BondTask, BondTotals
 from .sources import PerAtom
 from .tile_cuts import Cut, Tile
-
-
-@dataclass(frozen=True)
-class Task:
-    """What a tile is to be asked for; picklable."""
-
-    pot: object
-    quantities: tuple[str, ...]
-    here: Place | None
-    reference: Place | None
-    threads: int
-    drift: np.ndarray
-    horizon: float | None
+from .work import Work
 
 
 @dataclass(frozen=True)
@@ -60,21 +46,10 @@ def refuse(work: Work, pot) -> None:
         )
 
 
-def tile_sums(tile: Tile, task: Task) -> TileShare:
+def tile_sums(tile: Tile, task: BondTask) -> TileShare:
     """The tile's share of every sum over bonds: on the grid, at the points of the check, of its own atoms, and the
     virial."""
-    collector = BondCollector(
-        tile.frame,
-        task.pot,
-        Work.of(task.quantities, task.pot.central, churnless=task.pot.churnless),
-        task.here,
-        task.reference,
-        threads=task.threads,
-        drift=task.drift,
-        horizon=task.horizon,
-        to_reference=tile.reference,
-        tile=tile,
-    )
+    collector = BondCollector(tile.frame, task, tile.reference, tile=tile)
     decomposition = collector.stream(tile.potential(task.pot))
     own = np.flatnonzero(tile.own_p)
     found = collector.per_atom(decomposition)
@@ -82,26 +57,26 @@ def tile_sums(tile: Tile, task: Task) -> TileShare:
     return TileShare(tile.index_p[own], collector.totals(decomposition), per_atom, decomposition.notes)
 
 
-def here_in_turn(f: Callable[[Tile, Task], TileShare], tiles: Iterable[Tile], task: Task):
+def here_in_turn(f: Callable[[Tile, BondTask], TileShare], tiles: Iterable[Tile], task: BondTask):
     """Tiles computed one after the other, in this process."""
     return (f(tile, task) for tile in tiles)
 
 
-def bond_pass(
-    frame, settings, work: Work, here: Place | None, reference: Place | None, drift, run=here_in_turn
-) -> BondPass:
+def bond_pass(frame, task: BondTask, to_reference, counts, run=here_in_turn) -> BondPass:
     """Like the pass over the bonds of a whole frame (`passes.bond_pass`), tile by tile.
 
-    run : (tile_sums, iterable of tiles, Task) -> their results in order; where the tiles are computed is its affair
+    counts : tiles along the cell's edges
+    run : (tile_sums, iterable of tiles, task) -> their results in order; where the tiles are computed is its affair
     """
-    refuse(work, settings.pot)
-    to_reference = reference_bonds(frame, settings, work)
-    cut = Cut(frame, settings.tiles, settings.pot, to_reference)
-    task = Task(
-        cut.pot, tuple(q.name for q in work.quantities),
-        here if work.bond or work.point else None, reference if work.reference_bond or work.reference_point else None,
-        settings.threads, drift, horizon_of(settings, frame.units, work.horizon_users) if work.horizon_users else None,
-    )  # fmt: skip
+    work = task.work
+    refuse(work, task.pot)
+    cut = Cut(frame, counts, task.pot, to_reference)
+    task = replace(
+        task,
+        pot=cut.pot,
+        here=task.here if work.bond or work.point else None,
+        reference=task.reference if work.reference_bond or work.reference_point else None,
+    )
     totals, of_atoms, notes = None, {}, {}
     for share in run(tile_sums, cut.tiles(), task):
         totals = share.totals if totals is None else totals + share.totals
@@ -114,8 +89,4 @@ def bond_pass(
         # What neighbouring tiles both looked at is counted by both.
         for what, count in share.notes.items():
             notes[what] = notes.get(what, 0) + count
-    if totals is None:
-        # No atoms, no tiles: the sums of a frame without bonds.
-        share = tile_sums(next(Cut(frame, (1, 1, 1), settings.pot, to_reference).tiles(empty=True)), task)
-        return BondPass(share.totals, share.per_atom)
     return BondPass(totals, PerAtom(**of_atoms), notes)

@@ -10,11 +10,18 @@ from ..errors import AtcError
 
 #: Planes lie this share of the cell's height lower than they are said to: atoms on a plane, to rounding, are above it.
 BELOW = 1e-9
+#: The interval that is not a time.
+BY_FRAMES = "frames"
 
 
 def through_planes(grid) -> bool:
     """Whether sums on this grid are counted, without a kernel."""
     return bool(getattr(grid, "counts_crossings", False))
+
+
+def by_frames(grid) -> bool:
+    """Whether atoms are seen to pass from the frame before to this one, not by their velocities."""
+    return grid._["interval"] == BY_FRAMES
 
 
 def checked(*, axis, positions, n, shift, patches, interval, numbers, counts) -> dict:
@@ -33,7 +40,7 @@ def checked(*, axis, positions, n, shift, patches, interval, numbers, counts) ->
     if patches is not None:
         out["patches"] = counts("patches of a plane", patches, 2)
     if isinstance(interval, str):
-        if interval != "frames":
+        if interval != BY_FRAMES:
             raise AtcError(f'interval {interval!r}: expected a time, or "frames" (from the frame before to this one)')
         out["interval"] = interval
     elif interval is not None:
@@ -49,7 +56,7 @@ def described(p) -> str:
     text = f"planes normal to {'xyz'[p['axis']]}, {many}"
     if p["patches"]:
         text += f", each of {p['patches'][0]} x {p['patches'][1]} patches"
-    if p["interval"] == "frames":
+    if p["interval"] == BY_FRAMES:
         return text + ", crossed from frame to frame"
     return text + (f", crossings counted over {p['interval']:g}" if p["interval"] else "")
 

@@ -16,12 +16,12 @@ from ..estimators import groups
 from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
 from ..estimators.moving import Follow
-from ..estimators.planes import BY_FRAMES, require_countable, unneeded
-from ..estimators.registry import Work
+from ..estimators.planes import require_countable
 from ..estimators.selections import Parts, selection
 from ..estimators.settings import FrameResult, Settings
+from ..estimators.work import Work
 from ..grids import Grid
-from ..grids.planes import through_planes
+from ..grids.planes import by_frames, through_planes
 from ..kernels.unsmoothed import Unsmoothed
 from .request import Request
 
@@ -55,8 +55,7 @@ def prepare(request: Request | Job) -> Job:
     apart, pot = request.by is not None, request.pot
     request = replace(request, **_velocity(request))
     crossing = through_planes(request.grid)
-    more = {"parts": apart and not crossing, "velocity": request.velocity, "kernel": not crossing}
-    work = Work.of(request.quantities, pot is None or pot.central, churnless=pot is not None and pot.churnless, **more)
+    work = Work.on(request.grid, request.quantities, pot, apart, request.velocity)
     frames, pot = matched(as_frames(request.traj, request.pot), request.pot)
     if not len(frames):
         raise AtcError("the trajectory has no frames: nothing to compute")
@@ -66,17 +65,15 @@ def prepare(request: Request | Job) -> Job:
         # What its constraints are found from is settled, and asked for, once.
         pot = pot.settled(first)
     if work.bond_users and pot is not None and pot.constraints is not None:
-        work = Work.of(request.quantities, pot.central, churnless=pot.churnless, **more)
+        work = Work.on(request.grid, request.quantities, pot, apart, request.velocity)
     elif pot is not None and "degrees" in work.site:
         pot = pot.held_by_topology(first)
     if crossing:
         assert isinstance(request.grid, Grid)
         require_countable(work, pot, request.grid)
-        for name in unneeded(work, request.grid):
-            work.attributes.pop(name, None)
         if request.tiles is not None:
             raise AtcError("tiles: what crosses planes is counted in whole frames: leave tiles out")
-        if request.grid._["interval"] == BY_FRAMES and work.site:
+        if by_frames(request.grid) and work.site:
             frames = since_the_frame_before(frames)
             first = frames[0]
     if request.kern is None and work.kernel_users and has_bin_means(grid):
@@ -323,6 +320,14 @@ class Job:
         from ..estimators.accuracy.random_points import kernel_internal
 
         return kernel_internal(self.request.kern, self.first.units)
+
+    @cached_property
+    def horizon(self) -> float:
+        """That of the quantities that need one, internal units."""
+        from ..estimators.peridynamic import horizon_of
+
+        asked = self.request
+        return horizon_of(asked.horizon, asked.pot, asked.grid, self.first.units, self.work.horizon_users)
 
     @cached_property
     def load(self):

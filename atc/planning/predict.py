@@ -54,9 +54,9 @@ def predict(job) -> Prediction:
         points = len(job.bound)
         memory += 8.0 * points * 4 * sum(3**q.rank for q in work.quantities if q.kind == "grid")
     if work.horizon_users:
-        from ..estimators.peridynamic import ball_volume, horizon_of
+        from ..estimators.peridynamic import ball_volume
 
-        ball = ball_volume(horizon_of(job.settings(), frame.units, work.horizon_users), job.request.pot, frame.cell)
+        ball = ball_volume(job.horizon, job.request.pot, frame.cell)
         # Half of the ball is within the horizon of both ends of a bond of mean length.
         near = load.bonds * points * 0.5 * ball / job.bound.cell.volume
         parts["weighted virials"] = SECONDS_PER_WEIGHT * near * (bool(work.point) + bool(work.reference_point))

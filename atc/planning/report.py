@@ -8,7 +8,9 @@ import numpy as np
 
 from ..errors import AtcError
 from ..estimators.methods import details
-from ..estimators.registry import BOND, Work, hidden
+from ..estimators.registry import hidden
+from ..estimators.summed import BOND
+from ..estimators.work import Work
 from .job import Job, prepare
 from .request import Request
 from .sanity import sanity

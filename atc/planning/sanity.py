@@ -18,7 +18,7 @@ def sanity(job: Job) -> None:
     frame, work, u = job.first, job.work, job.first.units
     require(frame, job.settings(), work)
     if work.grid_users and through_planes(job.request.grid):
-        Path.of(frame, job.settings(), work)  # the time over which passages are counted is known
+        Path.of(frame, job.request.grid, job.request.pot, work)  # the time over which passages are counted is known
     if job.request.output_units is not None:
         from ..unit_words import require_used, wanted_units
 

@@ -48,7 +48,7 @@ def parse_columns(buf, names, kinds, n: int, where: Callable[[int], str], finite
     kind_k, slot_k = np.array(kinds, np.int64), np.array(slots, np.int64)
     status, row, pos = _parse.FULL, 0, 0
     while status == _parse.FULL:
-        status, row, pos, n_hard = _parse.parse_table(buf, pos, kind_k, slot_k, row, n, floats, ints, texts, hard)
+        status, row, pos, n_hard = _parse.read_table(buf, pos, kind_k, slot_k, row, n, floats, ints, texts, hard)
         for r, c, a, b in hard[:n_hard].tolist():
             word, name = buf[a : min(b, a + 400)].tobytes(), f"{names[c]!r}{of}"
             value = convert(word, kinds[c], name, lambda r=r: where(r), names[c] in finite)

@@ -47,7 +47,6 @@ def moving_coordinates(bound, u) -> dict:
 def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> Layout:
     """All variables and attributes of the output."""
     from .. import __version__
-    from ..estimators.peridynamic import horizon_of
 
     work, u = job.work, frame.units
     bound = result.bound
@@ -178,7 +177,7 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     }
     if work.horizon_users:
         attrs.update(
-            horizon=u.to_user("length", horizon_of(job.settings(), u, work.horizon_users)),
+            horizon=u.to_user("length", job.horizon),
             horizon_units=u.label("length"),
         )
     if bound is not None and not work.kernel_users:

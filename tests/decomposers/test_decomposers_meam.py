@@ -8,9 +8,9 @@ from decomposer_checks import agrees_with_lammps, consistent_bonds, potential, s
 from many_body_systems import DIAMOND, FCC, POTENTIALS, TILTS, crystal
 
 import atc
+from atc.decomposers.many_body import meam_reference
 from atc.decomposers.many_body.meam import MEAM
 from atc.decomposers.many_body.meam_file import library_elements, read_meam
-from atc.decomposers.many_body import meam_reference
 from atc.frame import Cell, Frame
 from atc.units import units
 

@@ -10,8 +10,9 @@ from naive_fields import BruteLJ, bond_sum, site_sum
 import atc
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.deposits import Deposits
-from atc.estimators.registry import QUANTITIES, Work
+from atc.estimators.registry import QUANTITIES
 from atc.estimators.tensors import full, outer6
+from atc.estimators.work import Work
 
 # The others are in test_estimators_piola, _heat and _kinematics.
 ALL = [

@@ -13,9 +13,10 @@ from test_run import Stop, same, stop_after
 import atc
 from atc.decomposers.outside import Friction, OutsideForces
 from atc.errors import AtcError, AtcWarning
-from atc.estimators import driver, groups
+from atc.estimators import driver, forming, groups
 from atc.estimators.methods import Method
-from atc.estimators.registry import QUANTITIES, Work
+from atc.estimators.registry import QUANTITIES
+from atc.estimators.work import Work
 from atc.frame import Cell
 from atc.plan import Request, plan, prepare
 from atc.planning import calibrate, method_choice
@@ -243,13 +244,13 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
         Request(frames, pot, kern, atc.Grid.regular(shape=10), ["stress_potential"], 1e-2, threads=1, average=True)
     )
     spectral, settings = {"bond": Method("spectral", 0.1)}, request.settings()
-    points_around = driver.PointsAround
-    monkeypatch.setattr(driver, "PointsAround", lambda *a: looked.append(1) or points_around(*a))
+    points_around = forming.PointsAround
+    monkeypatch.setattr(forming, "PointsAround", lambda *a: looked.append(1) or points_around(*a))
     done = []
     for goal, methods in ((1e-1, spectral), (1e-4, spectral), (1.0, {})):
         run = driver.Run.of(frames, settings, request.work, 0, goal)
         sums = driver.sum_up(run, methods)
-        done.append((sums.bonds.strongest, driver.form(run, sums)))
+        done.append((sums.bonds.strongest, forming.form(run, sums)))
         assert len(looked) == (goal == 1e-4) + (goal == 1.0)
     loose, close_, exact = (result.arrays["stress_potential"] for _, result in done)
     strongest = done[0][0]
@@ -261,7 +262,7 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     # without them the error is the pair's
     monkeypatch.setattr(driver, "summed_exactly", lambda *a: np.zeros((1000, 6)))
     run = driver.Run.of(frames, settings, request.work)
-    result = driver.form(run, driver.sum_up(run, spectral))
+    result = forming.form(run, driver.sum_up(run, spectral))
     assert np.abs(result.arrays["stress_potential"] - exact).max() / np.abs(exact).max() > 5 * true
 
 

@@ -9,7 +9,7 @@ import pytest
 import atc
 from atc.deposit import make
 from atc.errors import AtcWarning
-from atc.estimators import driver
+from atc.estimators import driver, forming
 from atc.estimators.accuracy import strongest_bonds as hot
 from atc.estimators.methods import Method
 from atc.frame import Cell
@@ -77,16 +77,16 @@ def test_few_atoms_around_the_points_give_the_sums_of_all(what, monkeypatch):
         Method("spectral", 1e-2),
         "heat_flux" if what == "heat" else "stress_potential",
     )
-    points, _ = sums.around
+    points, _ = forming.look_around(run, sums.here, sums.bonds)
     assert (
         len(points) > 10
         and points._cluster(frame, pot, 5.0) is not None
         and len(points._cluster(frame, pot, 5.0)) < 0.5 * len(frame)
     )
-    few = points.bond_sums(frame, run.work.bond, run.drifts[0])
+    few = points.bond_sums(frame, pot, run.work, run.drifts[0])
     monkeypatch.setattr(hot.PointsAround, "_cluster", lambda *_: None)
     np.testing.assert_allclose(
-        few, points.bond_sums(frame, run.work.bond, run.drifts[0]), rtol=0, atol=1e-12 * np.abs(few).max()
+        few, points.bond_sums(frame, pot, run.work, run.drifts[0]), rtol=0, atol=1e-12 * np.abs(few).max()
     )
 
 

@@ -234,3 +234,69 @@ def test_fields_of_a_run_that_starts_on_a_lattice(tmp_path):
         ds = atc.fields(traj, None, kernel, grid, ["density"], tolerance=1e-6)
         assert ds.density.attrs.get("input_error", 0) < 1e-3, found
         assert ("input_error" in ds.attrs) == (found is not None)
+
+
+# --- the first few numbers of a process, which Python reads
+
+ODD = [
+    "-0",
+    "+7",
+    "007",
+    "1e400",
+    "nan",
+    "inf",
+    "1_0",
+    "1.5.2",
+    "e5",
+    "-",
+    "1e5",
+    "12345678901234567890",
+    ".5",
+    "5.",
+    "x",
+]
+ODD += ["0.1e-400", "4.9e-324", "1.7976931348623157e308", "--1", "1e", "\u0661", "9007199254740993", "1\x0b2"]
+
+
+def both(data, kinds, n, monkeypatch):
+    """What either parser makes of a table, with what it leaves to Python: (status, row, pos), numbers as bits, words that
+    are none; and how many it let Python read at once."""
+    out = []
+    for spent in (0, _parse.FIRST_BY_PYTHON):
+        monkeypatch.setattr(_parse, "_by_python", spent)
+        floats, ints = np.zeros((n, kinds.count(0))), np.zeros((n, kinds.count(1)), np.int64)
+        texts, hard = np.zeros((n, 0, 2), np.int64), np.zeros((4 * n * len(kinds) + 4, 4), np.int64)
+        slots, wrong = [kinds[:k].count(kind) for k, kind in enumerate(kinds)], []
+        *found, left = _parse.read_table(
+            np.frombuffer(data, np.uint8), 0, np.array(kinds), np.array(slots), 0, n, floats, ints, texts, hard
+        )
+        for r, c, a, b in hard[:left].tolist():
+            try:
+                (ints if kinds[c] else floats)[r, slots[c]] = (int if kinds[c] else float)(data[a:b])
+            except (ValueError, OverflowError):
+                wrong.append((r, c, data[a:b]))
+        out += [(found, floats.view(np.uint64).tolist(), ints.tolist(), wrong), _parse._by_python - spent]
+    return out
+
+
+def test_python_reads_the_same_numbers(monkeypatch):
+    rng = np.random.default_rng(7)
+    a, b, c, d = rng.normal(size=500), rng.normal(size=500), rng.integers(-9, 9, 500), rng.normal(size=500) * 1e-9
+    numbers = zip(a.tolist(), b.tolist(), c.tolist(), d.tolist())
+    rows = [f"{k} {a!r} {b:.6g}\t{c:+d}  {d:.3e}\r\n" for k, (a, b, c, d) in enumerate(numbers)]
+    plain, taken, compiled, none = both("".join(rows).encode(), [1, 0, 0, 1, 0], 500, monkeypatch)
+    assert plain == compiled and taken == 2500 and none == 0
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+@pytest.mark.parametrize("odd", ODD)
+def test_what_is_no_plain_number_is_as_the_compiled_parser_has_it(odd, kind, monkeypatch):
+    plain, _, compiled, _ = both(f"1 2\n{odd} 3\n4 5\n".encode(), [kind, 0], 3, monkeypatch)
+    assert plain == compiled
+
+
+@pytest.mark.parametrize("lines", ["1 2\n3\n4 5\n", "1 2\n3 4 5\n6\n", "\n1 2\n3 4\n", "1 2\n3 4\n5 6"])
+def test_lines_of_another_width_are_found_by_both(lines, monkeypatch):
+    n = lines.count("\n")
+    plain, taken, compiled, _ = both(lines.encode(), [0, 0], n, monkeypatch)
+    assert plain == compiled and taken == (0 if n == 3 else 4)

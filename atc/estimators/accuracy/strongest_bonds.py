@@ -22,8 +22,7 @@ from ...errors import AtcError
 from ...frame import Cell
 from ...grids import BoundGrid
 from ..deposits import Deposits
-from ..registry import BOND
-from ..sources import bond_factors
+from ..sources import BondFactors
 from ..tensors import outer6
 from .random_points import Check
 
@@ -141,10 +140,11 @@ class StrongestOfFrames:
     Attributes
     ----------
     all : StrongestBonds, as of one frame: those that are to be summed exactly, and those to be watched
-    exactly : where the former begin (s, 3), their vectors (s, 3) and factors (s, k)
+    exactly : where the former begin (s, 3), their vectors (s, 3) and the factors of the named sums (s, k)
     """
 
-    def __init__(self, frames, found: list[StrongestBonds], factors: list[np.ndarray]):
+    def __init__(self, frames, found: list[StrongestBonds], names, drifts):
+        factors = [BondFactors(names, f, v).of(s.ranked()) for f, s, v in zip(frames, found, drifts)]
         strong = [len(strongest.sort_out()) for strongest in found]
         x_bc = [frame.positions[strongest.ranked().i] for frame, strongest in zip(frames, found)]
         if len(found) == 1:
@@ -374,10 +374,10 @@ class PointsAround:
     check : Check with these points
     """
 
-    def __init__(self, frame, settings, place, strongest, strong_g, index):
-        self.settings, self.place = settings, place
+    def __init__(self, frame, place, strongest, strong_g):
+        self.place = place
         bonds = strongest.watched(frame.cell)
-        candidates = felt_points(strong_g, index)
+        candidates = felt_points(strong_g, place.index)
         if len(bonds[0]):
             worst = worst_points(error_of(place, bonds, strongest))
             candidates = np.r_[worst[:FIRST], candidates, worst[FIRST:]]
@@ -385,23 +385,28 @@ class PointsAround:
             place.bound, candidates, FELT + POINTS, strongest.centres(frame.cell), 1.5 * place.kern.radius
         )
         self.check = Check(
-            place.bound, place.kern, frame.cell, settings.threads, index, 0, which=self.which, summed=place.check_kern
+            place.bound,
+            place.kern,
+            frame.cell,
+            place.threads,
+            place.index,
+            0,
+            which=self.which,
+            summed=place.check_kern,
         )
         self.check.deposits.place(frame.positions)
 
     def __len__(self):
         return len(self.which)
 
-    def bond_sums(self, frame, names, drift, chosen=None, kept=None) -> np.ndarray:
-        """(h, k) the named sums over the bonds of a frame that count, exactly. kept : what gives them again, or
-        None."""
-        widths = [BOND[name].width for name in names]
+    def bond_sums(self, frame, pot, work, drift, chosen=None, anchor=None, kept=None) -> np.ndarray:
+        """(h, k) the sums over the bonds of a frame that count, exactly. kept : what gives them again, or None."""
         # Fields have no bonds: `field_pass` adds them. But the forces of constraints depend on theirs.
-        pot, threads = self.settings.pot, self.settings.threads
+        threads = self.place.threads
         if pot.constraints is None:
             pot = pot.local
         few = None if kept else self._cluster(frame, pot, self.place.check_kern.support)
-        context, deposits, anchor = nullcontext(), self.check.deposits, self.settings.anchor
+        context, deposits = nullcontext(), self.check.deposits
         if few is not None:
             frame, index = few
             chosen = None if chosen is None else chosen.of(index)
@@ -413,16 +418,15 @@ class PointsAround:
         elif anchor is not None:
             context = anchor.at(frame)
         deposits.place(frame.positions)
-        deposit = deposits.open(sum(widths), length=max(pot.cutoff, 0.0))
-        peculiar_nc = frame.velocities - drift if "power" in names else None
+        factors = BondFactors(work.bond, frame, drift)
+        deposit = deposits.open(factors.width, length=max(pot.cutoff, 0.0))
 
         def consume(bonds, thread):
             bonds = bonds if chosen is None else chosen.taken(bonds)[1]
             for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
-                some = bonds.taken(found.bonds)
-                deposit.add_found(found, bond_factors(names, widths, some, peculiar_nc, frame.velocities), thread)
+                deposit.add_found(found, factors.of(bonds.taken(found.bonds)), thread)
 
-        more = {"sources": True} if any(BOND[name].sources for name in names) else {}
+        more = {"sources": True} if factors.sources else {}
         more |= {"kept": kept} if kept else {}
         with context:
             pot.stream(frame, consume, threads=threads, energies=False, forces=False, **more)
