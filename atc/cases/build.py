@@ -30,7 +30,7 @@ def simulation(case, threads: int = 0, state=None):
             if m["model"] in crystals.KEYS:
                 materials[number] = crystals.made(case, k, body)
             else:
-                materials[number] = made(models()[m["model"]], m)
+                materials[number] = made(models()[m["model"]], m, body.horizon)
         except AtcError as e:
             raise AtcError(f"{case.where('material', str(k))}: [material] {e}") from None
     present = np.unique(body.material_n).tolist()

@@ -36,6 +36,28 @@ def _number(v):
     return v
 
 
+def _influence(v):
+    """The name of an influence function, or its formula."""
+    from ..pd.materials.base import INFLUENCE
+    from .formula import INFLUENCE_LETTERS, Formula
+    from .words import guess
+
+    if _string(v) in INFLUENCE:
+        return v
+    if v.isidentifier() and v not in INFLUENCE_LETTERS:
+        raise ValueError(f"{guess(v, INFLUENCE)}known: {', '.join(INFLUENCE)}")
+    Formula(v, INFLUENCE_LETTERS)
+    return v
+
+
+described(_influence, {"type": "string", "pattern": r"\S"})
+#: How a bond's weight depends on it.
+INFLUENCE_EXPECTED = (
+    "'one', 'inverse', 'linear', 'quadratic', 'gaussian', or a formula of r and delta, or of x, y, z too, e.g. "
+    "'exp(-(2*r/delta)**2)'"
+)
+
+
 def _not_negative(v):
     if _number(v) < 0:
         raise ValueError("it must not be negative")
@@ -534,6 +556,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _boolean, "true (compute at lattice_constant) or false (relax, or take the trajectory's)"
         ),
         "unit_cell": Key(_string, 'a file with one unit cell, e.g. "cell.data"', path=True),
+        "primitive": Key(_boolean, "true (the primitive cell of unit_cell) or false (its bands folded)"),
         "masses": Key(_list_of(_positive), "a mass for each atom of the basis, e.g. [39.948]"),
         "directions": Key(_list_of(_list_of(_number, 3)), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),
         "path": Key(_string, 'a path through the zone: "auto", "seekpath" or names of its points, e.g. "Γ-X-W-K-Γ-L"'),
@@ -567,6 +590,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         ),
         "reference_stress": Key(_boolean, "true or false"),
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "influence": Key(_influence, INFLUENCE_EXPECTED),
         "fracture": Key(_boolean, "true or false"),
         "fracture_energy": Key(_positive, "an energy per area (in the plane: per length), greater than 0, e.g. 0.17"),
         "notches": Key(
