@@ -16,6 +16,9 @@ from . import damage as case_damage
 from .bodies import read_nodes
 from .materials import made, models, sampled_well
 
+#: How far, in per cent, the volume of a lattice may be from its region's before it is said; samples are as exact.
+_SAME_VOLUME = 0.5
+
 
 def simulation(case, threads: int = 0, state=None):
     """The `atc.pd.Simulation` that a case describes."""
@@ -31,7 +34,7 @@ def simulation(case, threads: int = 0, state=None):
             if m["model"] in crystals.KEYS:
                 materials[number] = crystals.made(case, k, body)
             else:
-                materials[number] = made(models()[m["model"]], m)
+                materials[number] = made(models()[m["model"]], m, body.horizon)
         except AtcError as e:
             raise case.wrong(("material", str(k)), e) from None
     present = np.unique(body.material_n).tolist()
@@ -148,9 +151,12 @@ def make_body(case):
 
     b = case.data["body"]
     notches = []
-    for t in case.data.get("notch", []):
+    for k, t in enumerate(case.data.get("notch", [])):
         make, words = (pd.Notch.line, ("start", "end")) if "start" in t else (pd.Notch, ("origin", "a", "b"))
-        notches.append(make(*(t[w] for w in words), as_damage=t.get("as_damage", False)))
+        try:
+            notches.append(make(*(t[w] for w in words), as_damage=t.get("as_damage", False)))
+        except AtcError as e:
+            raise AtcError(f"{case.where('notch', str(k))}: [notch] {e}") from None
     cell = Cell(b["cell"], b.get("origin", (0.0, 0.0, 0.0)), b["periodic"]) if "cell" in b else None
     options = {k: b[k] for k in ("dimension", "plane", "thickness") if k in b}
     options |= {"notches": notches, "cell": cell, "unbonded": case_damage.unbonded(case)}
@@ -192,6 +198,33 @@ def make_body(case):
             rho_n[material_n == m.get("id", k + 1)] = rho
     body.material_n, body.rho_n = material_n.astype(np.int32), rho_n
     return body
+
+
+def amounts(case, body) -> dict:
+    """{"volume", "mass", "region_volume"}: what the nodes of a body add up to, and what its region has; this only of a
+    lattice whose cells the region does not cut."""
+    from ..pd.cells import volume_of
+
+    found = {"volume": float(body.V_n.sum()), "mass": float((body.rho_n * body.V_n).sum())}
+    b = case.data["body"]
+    if "region" in b and not b.get("cut"):
+        d = body.dimension
+        size = volume_of(region_of(case, b["region"]), body.X_nc, d, body.cell)
+        found["region_volume"] = size * (body.thickness if d < 3 else 1.0)
+    return found
+
+
+def said_amounts(found) -> str:
+    """`amounts` for a person."""
+    said = f"volume {found['volume']:.5g}, mass {found['mass']:.5g}"
+    region = found.get("region_volume", 0.0)
+    off = 100 * (found["volume"] / region - 1) if region > 0 else 0.0
+    if abs(off) > _SAME_VOLUME:
+        said += (
+            f"; that is {abs(off):.3g} % {'more' if off > 0 else 'less'} than the {region:.5g} of the region: nodes "
+            "have whole cells; [body] cut = true gives them the region's"
+        )
+    return said
 
 
 def region_of(case, region):

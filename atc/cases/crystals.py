@@ -14,8 +14,17 @@ import numpy as np
 
 from .. import pd
 from ..config.formula import Formula
+from ..config.schema import (
+    INFLUENCE_EXPECTED,
+    Key,
+    _either,
+    _influence,
+    _list_of,
+    _not_negative,
+    _positive,
+    _string,
+)
 from ..config.schema import SCHEMA as SCENE
-from ..config.schema import Key, _either, _list_of, _not_negative, _positive, _string
 from ..errors import AtcError, AtcWarning
 from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants
 from ..units import units as get
@@ -36,7 +45,11 @@ _CRYSTAL = {
     "orient": SCENE["twin"]["orient"],
 }
 KEYS = {
-    "cauchy-born": {**_CRYSTAL, "stabilisation": Key(_not_negative, "a number, 0 or more, e.g. 0.1")},
+    "cauchy-born": {
+        **_CRYSTAL,
+        "stabilisation": Key(_not_negative, "a number, 0 or more, e.g. 0.1"),
+        "influence": Key(_influence, INFLUENCE_EXPECTED),
+    },
     "linear": {
         **_CRYSTAL,
         "micromodulus": Key(
@@ -145,12 +158,16 @@ class _InUnits:
 
 def _cauchy_born(case, k, body, crystal, model, axes, units):
     from ..upscaling.cauchy_born import CauchyBorn, CrystalLaw, StrainEnergy
+    from .influence import influence_of
 
     exact = CauchyBorn(crystal, model)
     _require_stable(case, k, exact.moduli_vv)
     law = _InUnits(CrystalLaw(exact, StrainEnergy.fitted(exact), axes), units.to_user("pressure", 1.0))
     m = case.data["material"][k]
-    material = pd.Hyperelastic(law, **({"stabilisation": m["stabilisation"]} if "stabilisation" in m else {}))
+    given = {"stabilisation": m["stabilisation"]} if "stabilisation" in m else {}
+    if "influence" in m:
+        given["influence"] = influence_of(pd.Hyperelastic, m["influence"], body.horizon)
+    material = pd.Hyperelastic(law, **given)
     if "region" in case.data["body"]:
         found = sampled_constants(material, body.spacing * np.eye(3), body.horizon, density(case, k))
         _judge(case, k, found, law.moduli_vv)

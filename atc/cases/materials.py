@@ -5,22 +5,12 @@ from __future__ import annotations
 
 import inspect
 
-from ..config.schema import Key, _boolean, _not_negative, _number, _positive, _string
+from ..config.schema import INFLUENCE_EXPECTED, Key, _boolean, _influence, _not_negative, _number, _positive
 from ..config.words import guess
+from ..errors import AtcError
+from .influence import influence_of
 
 _DENSITY = Key(_positive, "a mass per volume greater than 0")
-
-
-def _influence(v):
-    from ..config.formula import Influence
-    from ..pd.materials.base import INFLUENCE
-
-    if _string(v) in INFLUENCE:
-        return v
-    if v.isidentifier() and v not in ("r", "delta"):
-        raise ValueError(f"{guess(v, INFLUENCE)}known: {', '.join(INFLUENCE)}")
-    Influence(v)
-    return v
 
 
 def _correction(v):
@@ -29,14 +19,11 @@ def _correction(v):
     return v
 
 
-def made(cls, table):
-    """The material that the constants in `table` define."""
-    from ..config.formula import Influence
-    from ..pd.materials.base import INFLUENCE
-
+def made(cls, table, horizon):
+    """The material that the constants in `table` define, of a body of this horizon."""
     given = {p: table[p] for p in parameters(cls) if p in table}
-    if given.get("influence", "one") not in INFLUENCE:
-        given["influence"] = Influence(given["influence"])
+    if "influence" in given:
+        given["influence"] = influence_of(cls, given["influence"], horizon)
     if given.get("surface_correction") is False:
         del given["surface_correction"]
     return cls(**given)
@@ -60,11 +47,7 @@ def _value(name):
     if name in ("volume_correction",):
         return Key(_boolean, "true or false")
     if name == "influence":
-        from ..pd.materials.base import INFLUENCE
-
-        return Key(
-            _influence, f"{', '.join(map(repr, INFLUENCE))}, or a formula of r and delta, e.g. 'exp(-(2*r/delta)**2)'"
-        )
+        return Key(_influence, INFLUENCE_EXPECTED)
     if name == "surface_correction":
         return Key(_correction, '"energy", or false')
     if name == "stabilisation":
@@ -84,7 +67,7 @@ def sampled_well(case, k, material, body) -> None:
     three spacings, which everybody takes, comes to."""
     import warnings
 
-    from ..errors import AtcError, AtcWarning
+    from ..errors import AtcWarning
     from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, lattice_error
 
     table = case.data["material"][k]

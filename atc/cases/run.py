@@ -295,6 +295,7 @@ class _Run:
 
     def _layout(self, sim) -> Layout:
         from .. import __version__
+        from .build import amounts
 
         u = units("si")
         body = sim.body
@@ -347,6 +348,7 @@ class _Run:
             "stable_time_step": sim.time_step_stable,
             "materials": ", ".join(sorted({m.name for m in sim.materials.values()})),
             "bonds": len(body.bonds),
+            **amounts(self.case, body),
             "quantities": ", ".join(self.names),
             "periodic": "".join("p" if p else "f" for p in body.cell.periodic),
             "case": self.case.to_toml(),

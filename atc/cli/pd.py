@@ -44,6 +44,8 @@ def pd(
 
 def describe(case) -> str:
     """What a case would run."""
+    from ..cases.build import amounts, said_amounts
+
     sim = case.simulation(1)
     body, run = sim.body, case.data["run"]
     state = sum(a.nbytes for a in sim.state.to_arrays().values())
@@ -56,6 +58,7 @@ def describe(case) -> str:
             f"time step {sim.dt:.4g}, {sim.dt / sim.time_step_stable:.2f} of the stable {sim.time_step_stable:.4g}; "
             f"{run['steps']} steps to {run['steps'] * sim.dt:.4g}",
             f"broken at the start: {sim.n_broken} bonds; one saved state takes {state / 1e6:.1f} MB",
+            said_amounts(amounts(case, body)),
         ]
     )
 
@@ -96,11 +99,15 @@ def _held_together(case, sim) -> list[str]:
 
 def summary(ds, out, seconds, progress) -> None:
     """Print what a run has come to."""
+    from ..cases.build import said_amounts
+
     done = progress.total - progress.there
     before = (
         f"{progress.there} of {progress.total} steps were there, {done} computed" if progress.there else f"{done} steps"
     )
     print(f"{out}: {ds.attrs['quantities']} of {ds.sizes['node']} nodes at {ds.sizes['frame']} times")
+    if "mass" in ds.attrs:
+        print(said_amounts(ds.attrs))
     total = ds["energy_total"].values
     moved = max(float(abs(ds[f"energy_{k}"]).max()) for k in ("kinetic", "strain", "work_external", "work_constraint"))
     drift = ""

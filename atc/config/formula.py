@@ -235,16 +235,29 @@ def formula(text: str, variable: str, what: str, words=(), **constants: float):
     return evaluate
 
 
-class Influence(Formula):
-    """ω(r, delta) by a formula of the bond's length and the horizon, as a function that the materials take."""
+#: Variables of an influence function: the bond's vector, its length and the horizon.
+INFLUENCE_LETTERS = ("r", "delta", "x", "y", "z")
 
-    def __init__(self, text: str):
+
+class Influence(Formula):
+    """ω(r, delta) by a formula of the bond's length and the horizon, as a function that the materials take.
+
+    unit : of the formula's lengths, in those of the body
+    """
+
+    def __init__(self, text: str, unit: float = 1.0):
         super().__init__(text, ("r", "delta"))
+        self.unit = float(unit)
+
+    def __eq__(self, other):
+        return super().__eq__(other) and self.unit == other.unit
+
+    __hash__ = Formula.__hash__
 
     def __call__(self, *args, **values):
         if not args:
             return super().__call__(**values)
-        r, delta = args
+        r, delta = (a / self.unit for a in args)
         w = self.finite(lambda why: AtcError(f"influence: {why}"), r=r, delta=delta)
         if (w < 0).any():
             raise AtcError(
@@ -252,3 +265,34 @@ class Influence(Formula):
                 f"{float(np.asarray(r)[np.broadcast_to(w, np.shape(r)) < 0][0]):.6g}"
             )
         return np.array(np.broadcast_to(w, np.shape(r)))
+
+
+class DirectedInfluence:
+    """ω(ξ) by a formula of the bond's vector x, y, z, its length r and the horizon delta, as a function of (b, 3)
+    vectors alone. delta : of the body; unit : of the formula's lengths, in the body's."""
+
+    def __init__(self, text: str, delta: float, unit: float = 1.0):
+        self.formula, self.delta, self.unit = Formula(text, INFLUENCE_LETTERS), float(delta), float(unit)
+
+    def _key(self):
+        return self.formula, self.delta, self.unit
+
+    def __eq__(self, other):
+        return type(other) is type(self) and self._key() == other._key()
+
+    def __hash__(self):
+        return hash(self._key())
+
+    def __call__(self, xi_bc):
+        xi = np.asarray(xi_bc, float) / self.unit
+        r, delta = np.sqrt((xi * xi).sum(axis=1)), self.delta / self.unit
+        complain = lambda why: AtcError(f"influence: {why}")  # noqa: E731
+        w = self.formula.finite(complain, r=r, delta=delta, **dict(zip("xyz", xi.T, strict=True)))
+        return np.array(np.broadcast_to(w, r.shape))
+
+
+def influence(text: str, delta: float, unit: float = 1.0):
+    """The influence function that a formula says: of (r, delta), or, where it uses x, y or z, of the bond's vector."""
+    if Formula(text, INFLUENCE_LETTERS).uses & {"x", "y", "z"}:
+        return DirectedInfluence(text, delta, unit)
+    return Influence(text, unit)

@@ -31,6 +31,27 @@ def _string(v):
     return v
 
 
+def _influence(v):
+    """The name of an influence function, or its formula."""
+    from ..pd.materials.base import INFLUENCE
+    from .formula import INFLUENCE_LETTERS, Formula
+
+    if _string(v) in INFLUENCE:
+        return v
+    if v.isidentifier() and v not in INFLUENCE_LETTERS:
+        raise ValueError(f"{guess(v, INFLUENCE)}known: {', '.join(INFLUENCE)}")
+    Formula(v, INFLUENCE_LETTERS)
+    return v
+
+
+described(_influence, {"type": "string", "pattern": r"\S"})
+#: How a bond's weight depends on it.
+INFLUENCE_EXPECTED = (
+    "'one', 'inverse', 'linear', 'quadratic', 'gaussian', or a formula of r and delta, or of x, y, z too, e.g. "
+    "'exp(-(2*r/delta)**2)'"
+)
+
+
 def _boolean(v):
     if not isinstance(v, bool):
         raise ValueError
@@ -449,6 +470,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
             _boolean, "true (compute at lattice_constant) or false (relax, or take the trajectory's)"
         ),
         "unit_cell": Key(_string, 'a file with one unit cell, e.g. "cell.data"', path=True),
+        "primitive": Key(_boolean, "true (the primitive cell of unit_cell) or false (its bands folded)"),
         "masses": Key(_list_of(_positive), "a mass for each atom of the basis, e.g. [39.948]"),
         "directions": Key(_list_of(_VECTOR3), "directions, e.g. [[1, 0, 0], [1, 1, 1]]"),
         "path": Key(_string, 'a path through the zone: "auto", "seekpath" or names of its points, e.g. "Γ-X-W-K-Γ-L"'),
@@ -487,6 +509,7 @@ SCHEMA: dict[str, dict[str, Key]] = {
         ),
         "reference_stress": _YES,
         "model": Key(_choice(["lps", "pmb"]), '"lps" or "pmb"'),
+        "influence": Key(_influence, INFLUENCE_EXPECTED),
         "fracture": _YES,
         "fracture_energy": Key(_positive, "an energy per area (in the plane: per length), greater than 0, e.g. 0.17"),
         "notches": Key(

@@ -10,10 +10,11 @@ import numpy as np
 from ..errors import AtcError, AtcWarning
 from ..frame import Cell
 from .bonds import Families, Notch, families
-from .cells import cut_cells
+from .cells import cut_cells, require_fit
 from .regions import Region, nodes_of
 
-_MEASURE = {1: "cross-section", 2: "thickness", 3: ""}
+#: How far volumes of nodes may add up to more than the periodic cell that they fill.
+_ROUNDING = 2e-3
 
 
 class Body:
@@ -95,6 +96,7 @@ class Body:
         if any(cell.periodic[dimension:]):
             raise AtcError(f"a body of dimension {dimension} cannot be periodic along {'xyz'[dimension:]}")
         self.cell = cell.completed(X, margin=self.horizon)
+        self._require_room()
         sizes = (self.V_n / (self.thickness if dimension < 3 else 1.0)) ** (1 / dimension)
         self.spacing = float(sizes.mean() if spacing is None else spacing)
         # Node radii, for contact: half the spacing of a lattice.
@@ -106,6 +108,19 @@ class Body:
         self.notches = [notches] if isinstance(notches, Notch) else list(notches)
         self.unbonded = list(unbonded)
         self._warn = warn
+
+    def _require_room(self):
+        """No more matter than a cell that is periodic along all axes has room for, but for the rounding of volumes."""
+        d = self.dimension
+        if not self.cell.periodic[:d].all():
+            return
+        edges = self.cell.vectors[:d]
+        room = float(np.sqrt(np.linalg.det(edges @ edges.T))) * (self.thickness if d < 3 else 1.0)
+        if self.V_n.sum() > room * (1 + _ROUNDING):
+            raise AtcError(
+                f"the nodes' volumes add up to {self.V_n.sum():.6g}, {100 * (self.V_n.sum() / room - 1):.3g} % more "
+                f"than the {room:.6g} of the periodic cell: give the volumes that the nodes have in it"
+            )
 
     @cached_property
     def bonds(self) -> Families:
@@ -209,7 +224,9 @@ class Body:
             and lies in its middle; parts of less than half a cell belong to the neighbour that has most. The body has
             the region's volume, and curved surfaces no stairs. Of a periodic body what of the region lies in the cell
             counts.
-        The rest as for `Body`. x runs fastest, z slowest: the order of LAMMPS's create_atoms.
+        The rest as for `Body`. x runs fastest, z slowest: the order of LAMMPS's create_atoms. Without `cut` the body
+        has as many volumes Δx^d as nodes, whatever the region's. A lattice that goes on through the faces of a periodic
+        cell must have whole spacings along its edges.
         """
         if not (np.isfinite(spacing) and spacing > 0):
             raise AtcError(f"the spacing of a lattice must be a positive length, got {spacing!r}")
@@ -234,6 +251,8 @@ class Body:
             raise AtcError(
                 "no lattice point lies inside the region: use a smaller spacing, or move the lattice by an offset"
             )
+        if options.get("cell") is not None:
+            require_fit(points, options["cell"].completed(points, margin=horizon), spacing, horizon, dimension)
         if jitter:
             points[:, :dimension] += (
                 np.random.default_rng(seed).uniform(-jitter, jitter, (len(points), dimension)) * spacing

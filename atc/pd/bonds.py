@@ -205,15 +205,21 @@ class Notch:
     def __init__(self, origin, a, b, *, as_damage: bool = False):
         self.origin, self.a, self.b = (np.array(v, float) for v in (origin, a, b))
         self.as_damage = bool(as_damage)
-        self.normal = np.cross(self.a, self.b)
-        if not np.linalg.norm(self.normal) > 0:
-            raise AtcError("a notch needs two edge vectors that span a plane")
+        finite = np.isfinite([self.origin, self.a, self.b]).all()
+        self.normal = np.cross(self.a, self.b) if finite else np.zeros(3)
+        if not np.linalg.norm(self.normal) > 1e-9 * np.linalg.norm(self.a) * np.linalg.norm(self.b):
+            raise AtcError(
+                f"a notch needs a place and two edge vectors that span a plane, got {self.a.tolist()} and "
+                f"{self.b.tolist()}"
+            )
 
     @classmethod
     def line(cls, start, end, *, as_damage: bool = False) -> Notch:
         """For plates in the x-y plane: from (x, y) to (x, y), through the whole thickness."""
         (x0, y0), (x1, y1) = start, end
-        big = 1e3 * max(1e-300, float(np.hypot(x1 - x0, y1 - y0)))
+        if not 0 < np.hypot(x1 - x0, y1 - y0) < np.inf:
+            raise AtcError(f"a notch needs a length: it goes from {list(start)} to {list(end)}")
+        big = 1e3 * float(np.hypot(x1 - x0, y1 - y0))
         return cls((x0, y0, -big), (x1 - x0, y1 - y0, 0.0), (0.0, 0.0, 2 * big), as_damage=as_damage)
 
     def crosses(self, x_bc, xi_bc) -> np.ndarray:

@@ -37,13 +37,16 @@ class _Rigid:
         raise NotImplementedError
 
     def rub(self, t, z, v_nc, mass_n, dt, F_nc):
-        """Add Coulomb's friction at time t to F (n, 3); returns what power it brings from outside."""
-        if not self.friction:
-            return 0.0
-        force, push = self.force.copy(), np.zeros_like(F_nc)
-        self.add(t, z, push)
-        self.force[:] = force
-        return rub_rigid(push, self.friction, self.velocity(t, dt), v_nc, mass_n, dt, F_nc)
+        """Add Coulomb's friction at time t to F (n, 3); returns what power it brings from outside. The push that it is
+        of stays for `pushed`."""
+        self.push_nc = np.zeros_like(F_nc)
+        self.energy = self.add(t, z, self.push_nc)
+        return rub_rigid(self.push_nc, self.friction, self.velocity(t, dt), v_nc, mass_n, dt, F_nc)
+
+    def pushed(self, F_nc):
+        """`add` of the time and place that were `rub`'s."""
+        F_nc += self.push_nc
+        return self.energy
 
     def bind(self, body):
         self.V_n = body.V_n

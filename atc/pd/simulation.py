@@ -149,6 +149,13 @@ class Simulation:
                 AtcWarning,
                 stacklevel=2,
             )
+        for k, crossed in enumerate(body.cuts):
+            if not crossed and len(body.bonds):
+                warnings.warn(
+                    f"notch {k + 1} crosses no bond of the body: check its place and its length",
+                    AtcWarning,
+                    stacklevel=2,
+                )
         if contact is True:
             contact = Contact()
         self.contact = None
@@ -228,6 +235,11 @@ class Simulation:
                 "belongs to another body"
             )
         self._z[:, :3] = state.u_nc
+        if "temperature_n" in state.history and self.heat_flow is None:
+            raise AtcError(
+                "the state has temperatures, of a run that conducted heat, and this one conducts none: give conduction "
+                "(conductivity and specific_heat), or the state of a run without"
+            )
         # From here on the displacement lives in z alone, and the state's is a view of it.
         state.u_nc = self._z[:, :3]
         self.state = state
@@ -344,7 +356,7 @@ class Simulation:
         if self.frictional:
             rubbed = s.v_nc, self.mass_n, self.dt, s.history["friction_nc"]
             rubbed[3][:] = 0.0
-            s.history["friction_power"][0] = sum(e.rub(s.time, self._z, *rubbed) for e in self.rigid)
+            s.history["friction_power"][0] = sum(e.rub(s.time, self._z, *rubbed) for e in self.rigid if e.friction)
         in_contact = self.contact.add(self._z, s.F_nc, rubbed) if self.contact is not None else 0.0
         if rubbed is not None:
             s.F_nc += rubbed[3]
@@ -352,7 +364,8 @@ class Simulation:
         if self.external:
             s.external_nc[:] = 0.0
             for e in self.external:
-                in_rigid += e.add(s.time, self._z, s.external_nc)
+                rubs = rubbed is not None and e in self.rigid and e.friction
+                in_rigid += e.pushed(s.external_nc) if rubs else e.add(s.time, self._z, s.external_nc)
             s.F_nc += s.external_nc
         return in_contact, in_rigid
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -77,14 +78,17 @@ class CauchyBornTwin(TwinMaterial):
         return lines
 
 
-def cauchy_born(crystal, model, axes, step_cc, horizon, temperature=None) -> CauchyBornTwin:
+def cauchy_born(crystal, model, axes, step_cc, horizon, temperature=None, influence=None) -> CauchyBornTwin:
     """The material of a relaxed crystal whose x, y, z are the rows of `axes` in the body; with a temperature (the
-    user's unit) its vibrations are in it."""
-
+    user's unit) its vibrations are in it; influence as of `pd.Hyperelastic`."""
     exact = CauchyBorn(crystal, model)
     require_stable(crystal, np.linalg.eigvalsh(exact.moduli_vv).min() > 0)
+    weighted = partial(pd.Hyperelastic, **({} if influence is None else {"influence": influence}))
     # The nodes' sums are those of any law: they are tried with the one that is at rest.
     law = CrystalLaw(exact, StrainEnergy.fitted(exact), axes)
-    sampled, wanted = sampled_constants(pd.Hyperelastic(law), step_cc, horizon, crystal.density), law.moduli_vv
+    sampled, wanted = (
+        sampled_constants(weighted(law), step_cc, horizon, crystal.density),
+        law.moduli_vv,
+    )
     law = CrystalLaw(exact, law.quick, axes, None if temperature is None else vibrational(exact, model, temperature))
-    return CauchyBornTwin(pd.Hyperelastic(law), law, *hill(law.moduli_vv), sampled, wanted, temperature)
+    return CauchyBornTwin(weighted(law), law, *hill(law.moduli_vv), sampled, wanted, temperature)

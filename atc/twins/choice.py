@@ -37,10 +37,11 @@ def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
             raise AtcError(f"[twin] {key}: goes with fracture = true")
     if get("fracture") and get("material", "isotropic") != "isotropic":
         raise AtcError('[twin] fracture: only the bonds of material = "isotropic" break: leave it out')
+    influence = _influence(get, crystal.units, made.body.horizon)
     if get("material", "isotropic") == "cauchy-born":
         from .cauchy_born import cauchy_born
 
-        return cauchy_born(crystal, model, axes, made.step_cc, made.body.horizon, get("temperature"))
+        return cauchy_born(crystal, model, axes, made.step_cc, made.body.horizon, get("temperature"), influence)
     if get("temperature") is not None:
         raise AtcError('[twin] temperature: only material = "cauchy-born" knows one: leave it out')
     if get("material") == "linear":
@@ -59,7 +60,7 @@ def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
         from .smoothed import smoothed
 
         return smoothed(crystal, model, axes, reference, made, get("nodes") == "atoms")
-    found = isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon)
+    found = isotropic(crystal, model, get("model", "lps"), made.step_cc, made.body.horizon, influence)
     found.crystal_vv = turned(found.C.C_vv, axes)
     if get("fracture"):
         from ..pd import CriticalStretch
@@ -76,9 +77,34 @@ def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
     return found
 
 
-def orientation(scene) -> np.ndarray:
+def _influence(get, units, horizon):
+    """The influence function that [twin] asks for, None where it does not; lengths in its formula are the user's."""
+    said, kind = get("influence"), get("material", "isotropic")
+    if said is None:
+        return None
+    if kind not in ("isotropic", "cauchy-born"):
+        raise AtcError(
+            f"[twin] influence: the springs of {kind} are the crystal's: leave it out, or take isotropic or cauchy-born"
+        )
+    from .. import pd
+    from ..cases.influence import influence_of
+
+    cls = pd.Hyperelastic if kind == "cauchy-born" else {"lps": pd.LPS, "pmb": pd.PMB}[get("model", "lps")]
+    try:
+        return influence_of(cls, said, horizon, units.length)
+    except AtcError as e:
+        raise AtcError(f"[twin] {e}") from None
+
+
+def orientation(scene, dimension: int = 3) -> np.ndarray:
     """(3, 3) rows: where the crystal's x, y, z point in the run, from the crystal directions along the run's axes."""
     from ..upscaling.crystal import axes_of
 
     told = f"{scene.where('twin', 'orient')}: [twin] orient: the crystal directions along the run's x, y, z"
-    return axes_of(scene.get("twin", "orient"), lambda why: AtcError(f"{told} {why}"))
+    axes = axes_of(scene.get("twin", "orient"), lambda why: AtcError(f"{told} {why}"))
+    if dimension == 2 and not abs(axes[2, 2]) > 1 - 1e-9:
+        raise AtcError(
+            f"{told}: a run in the plane keeps the crystal's z along z: the third must be [0, 0, 1], the others have "
+            "no z, e.g. [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]"
+        )
+    return axes

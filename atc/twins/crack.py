@@ -127,8 +127,12 @@ def notches_of(scene, get, length, dimension) -> list:
                 else "a corner and two edges, [x, y, z] each"
             )
             raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notches: each is {wanted}")
-        corners = corners * length
-        out.append(pd.Notch.line(*corners, as_damage=True) if dimension == 2 else pd.Notch(*corners, as_damage=True))
+        make = pd.Notch.line if dimension == 2 else pd.Notch
+        try:
+            make(*corners.tolist())  # complains in the user's numbers
+        except AtcError as e:
+            raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notches: {e}") from None
+        out.append(make(*(corners * length), as_damage=True))
     return out
 
 

@@ -161,7 +161,7 @@ def hill_in_plane(C_vv) -> tuple[float, float]:
     return float((a / 4 + 1 / p) / 2), float(((b + 4 * c) / 8 + 2 / (q + r)) / 2)
 
 
-def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
+def isotropic(crystal, model, law: str, step_cc, horizon, influence=None) -> Isotropic:
     """PMB or LPS of a relaxed crystal under its potential; moduli that its nodes would miss by more than 10 % are
     refused."""
 
@@ -174,7 +174,8 @@ def isotropic(crystal, model, law: str, step_cc, horizon) -> Isotropic:
         K, plane = area - G / 3, {"dimension": 2, "plane": "strain"}
     else:
         K, G = hill(C.C_vv)
-    material = pd.LPS(bulk=K, shear=G) if law == "lps" else pd.PMB(bulk=K)
+    given = {} if influence is None else {"influence": influence}
+    material = pd.LPS(K, G, **given) if law == "lps" else pd.PMB(bulk=K, **given)
     wanted = isotropic_vv(K, G if law == "lps" else 0.6 * K)
     sampled = sampled_constants(material, step_cc, horizon, crystal.density, components=crystal.strains, **plane)
     if plane:

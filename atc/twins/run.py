@@ -166,17 +166,18 @@ def _twin(scene, tell, progress) -> Twin:
     crystal = _crystal(scene, get, reference, law, u)
     spacing = length * get("spacing") if get("spacing") else u.to_internal("length", crystal.lattice_constant)
     horizon = length * get("horizon") if get("horizon") else None
+    axes = orientation(scene, reference.dimension)
     if get("nodes") == "atoms":
         made = body_of_atoms(reference, crystal.density, horizon or atoms_horizon(get, crystal, law))
     else:
         notches = notches_of(scene, get, length, reference.dimension)
         through = None
         if get("material") == "coarsened":
-            through = kept_place(reference, crystal, orientation(scene))
+            through = kept_place(reference, crystal, axes)
         made = body_of(reference, kernel, crystal.density, spacing, horizon, horizon_of(get), notches, through)
         require_crossed(scene, made.body)
     made_from = time.process_time()
-    material = twin_material(get, crystal, law, orientation(scene), made, reference, scene.equilibrium)
+    material = twin_material(get, crystal, law, axes, made, reference, scene.equilibrium)
     cost = {"nodes": len(made.body), "steps": 0, "material": time.process_time() - made_from, "seconds": 0.0}
 
     run = Run(traj, reference)

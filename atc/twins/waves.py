@@ -103,8 +103,9 @@ def add_twin(result, scene) -> NodeWaves:
     made = SimpleNamespace(step_cc=spacing * edges, body=SimpleNamespace(horizon=horizon), density=crystal.density)
     law = copy(scene.potential())
     law.setup = None
-    bonds = lambda key, default=None: None if key == "fracture" else get(key, default)  # noqa: E731
-    material = twin_material(bonds, crystal, law, np.eye(3), made, None, scene.equilibrium)
+    breaking = ("fracture", "fracture_energy", "notches")
+    whole = lambda key, default=None: None if key in breaking else get(key, default)  # noqa: E731
+    material = twin_material(whole, crystal, law, np.eye(3), made, None, scene.equilibrium)
     waves = NodeWaves(
         material.material, made.step_cc, horizon, crystal.density,
         f"twin: {kind}, nodes {u.to_user('length', spacing):.4g} {u.label('length')} apart",

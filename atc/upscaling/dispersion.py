@@ -14,6 +14,7 @@ from .dispersion_result import Dispersion, Ray
 from .elasticity import elastic_constants
 from .force_constants import force_constants, frequency_unit, signed_root, supercell_repeat
 from .matching import FRACTIONS, MODELS, is_cubic, make_model, match
+from .primitive import folded, primitive
 from .vibrations import measure
 from .zone import outside_zone, zone_path
 
@@ -88,8 +89,9 @@ def dispersion(
         raise AtcError(f"model {models[0]!r} is fitted to force constants: give a potential")
     if model is not None and hasattr(model, "units"):
         require_compatible(model.units, u, "the potential", crystal.name)
-    notes, relaxed = [], None
-    out = Dispersion(crystal, [], notes=notes)
+    said = folded(crystal)
+    notes, relaxed = [said] if said else [], None
+    out = Dispersion(crystal, [], notes=notes, folded=said)
     if model is not None:
         out.potential = model.describe() if hasattr(model, "describe") else type(model).__name__
         if isinstance(lattice_constant, str):
@@ -273,7 +275,13 @@ def _crystal_of(scene, get, traj, units) -> Crystal:
         frame = scene._read(cell, "unit_cell") if os.path.exists(cell) else None
         if frame is None:
             raise AtcError(f"{scene.where('dispersion', 'unit_cell')}: [dispersion] unit_cell: there is no file {cell}")
-        return Crystal.from_frame(frame[0], name=cell.name)
+        crystal = Crystal.from_frame(frame[0], name=cell.name)
+        return primitive(crystal) if get("primitive") else crystal
+    if get("primitive") is not None:
+        raise AtcError(
+            f"{scene.where('dispersion', 'primitive')}: [dispersion] primitive: of a unit_cell; cells of structure are "
+            "primitive"
+        )
     structure, a = get("structure"), get("lattice_constant")
     if structure is None or a is None:
         what = "structure" if structure is None else "lattice_constant"

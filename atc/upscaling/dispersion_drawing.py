@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
+
 import numpy as np
 
 from .force_constants import frequency_unit
+
+#: Of the models, in the order they are named.
+_STYLES = ("--", "-.", ":", (0, (5, 1)))
 
 
 def figure(found):
@@ -19,10 +24,22 @@ def figure(found):
         shares = {"width_ratios": [ray.boundary for ray in rays]}
     else:
         width, shares = 4.0 * len(rays) + 1.2, {}
-    picture = Figure(figsize=(width, 5.2), layout="constrained")
+    compared = [name for name in rays[0].models if rays[0].lattice_km is not None]
+    picture = Figure(figsize=(width, 7.0 if compared else 5.2), layout="constrained")
     if on_path:
         picture.get_layout_engine().set(w_pad=0.0, wspace=0.0, rect=(0.012, 0.0, 0.976, 1.0))
-    panels = np.atleast_1d(picture.subplots(1, len(rays), sharey=True, **shares))
+    rows = {"nrows": 2, "height_ratios": [3, 1]} if compared else {}
+    every = picture.subplots(**rows, ncols=len(rays), sharey="row", squeeze=False, **shares)
+    panels = every[0]
+    for a, (axes, ray) in enumerate(zip(every[1], rays) if compared else ()):
+        _differences(axes, ray)
+        if on_path:
+            _ends(axes, rays, a)
+        else:
+            axes.set_xlabel(f"k along {ray.label} / zone boundary")
+    if compared:
+        every[1, 0].set_ylabel("PD − lattice (%)")
+        _limit(every[1, 0], rays)
     top = 0.0
     for a, (axes, ray) in enumerate(zip(panels, rays)):
         top = max(top, _bands(axes, ray, factor), _measured(axes, found, a, factor))
@@ -44,6 +61,8 @@ def figure(found):
     title = f"{found.crystal.name}, a = {found.crystal.lattice_constant:.5g} {found.crystal.units.label('length')}"
     if found.measured is not None:
         title += f"; trajectory at {found.measured.temperature:.3g} {found.crystal.units.label('temperature')}"
+    if found.folded:
+        title += "\n" + "\n".join(wrap(found.folded, int(12 * width)))
     picture.suptitle(title)
     return picture
 
@@ -57,9 +76,23 @@ def _bands(axes, ray, factor) -> float:
     if ray.phonopy_km is not None:
         axes.plot(ray.fractions[::3], factor * ray.phonopy_km[::3], ".", color="0.5", markersize=4, label="phonopy")
     for m, (name, values) in enumerate(ray.models.items()):
-        style = {"color": f"C{m}", "linewidth": 1.0, "linestyle": ("--", "-.", ":", (0, (5, 1)))[m % 4]}
+        style = {"color": f"C{m}", "linewidth": 1.0, "linestyle": _STYLES[m % 4]}
         axes.plot(ray.fractions, factor * values, **style, label=name)
     return top
+
+
+def _differences(axes, ray) -> None:
+    """How far each model is from the lattice, every branch, in per cent."""
+    axes.axhline(0.0, color="black", linewidth=1.0)
+    for m, name in enumerate(ray.models):
+        axes.plot(ray.fractions, 100 * ray.difference(name), color=f"C{m}", linewidth=1.0, linestyle=_STYLES[m % 4])
+
+
+def _limit(axes, rays) -> None:
+    """What is drawn of the differences: all of them, but no more than 100 % either way."""
+    worst = max((np.nanmax(np.abs(r.difference(n)), initial=0.0) for r in rays for n in r.models), default=0.0)
+    top = min(105.0 * max(float(worst), 1e-3), 100.0)
+    axes.set_ylim(-top, top)
 
 
 def _measured(axes, found, a, factor) -> float:

@@ -41,6 +41,14 @@ class Ray:
         """Where k is not 0."""
         return np.linalg.norm(self.k_kc, axis=1) > 1e-9 * self.boundary
 
+    def difference(self, name) -> np.ndarray:
+        """(k, b) ω of a model over that of the lattice, minus 1, branch by branch in ascending order: of a model with
+        fewer branches of the lowest. Not a number where the lattice does not vibrate."""
+        model = self.models[name]
+        lattice = self.lattice_km[:, : model.shape[1]]
+        moving = lattice > 1e-6 * self.lattice_km.max()
+        return np.divide(model, lattice, out=np.full(model.shape, np.nan), where=moving) - 1.0
+
     @property
     def label(self) -> str:
         if self.ends is not None:
@@ -63,6 +71,7 @@ LINE_COLUMNS = (
 class Dispersion:
     """What `dispersion` found. Internal units; `table`, `json`, `dataset` and `picture` are in the user's.
 
+    folded : what to say where the crystal's cell is not primitive
     crystal : at the lattice constant everything refers to. stress : pressure there (compression positive, user's unit),
         None without a potential.
     """
@@ -80,6 +89,7 @@ class Dispersion:
     potential: str = ""
     notes: list = field(default_factory=list)
     scene: str = ""
+    folded: str = ""
 
     # ---- words
 
@@ -140,6 +150,7 @@ class Dispersion:
                 "  (zone: rms over the whole zone; min ω²: smallest beyond the first zone up to 4·2π/a, of the "
                 "crystal's largest; ! marks an unstable model; steps are 2/ω_max)"
             )
+        lines += self._differences()
         r = self.measured
         if r is not None:
             temperature = f"{r.temperature:.4g} {u.label('temperature')}"
@@ -160,6 +171,27 @@ class Dispersion:
             if r.lines_km is not None:
                 lines += self._line_table(unit, factor)
         return lines
+
+    def _differences(self) -> list[str]:
+        """PD beside the lattice along the rays: the largest difference of all branches, with its sign."""
+        names = list(self.rays[0].models) if self.rays else []
+        if not names:
+            return []
+        on_path = self.rays[0].ends is not None
+        places = (0.0, 0.25, 0.5, 0.75, 1.0) if on_path else (0.25, 0.5, 0.75, 1.0)
+        what = "pieces of the path" if on_path else "the zone boundary"
+        head = "".join(f"{f:>9g}" for f in places)
+        out = [
+            f"PD less lattice, ω (%): the largest of the branches, at fractions of {what} (–: no wave of the model):",
+            f"  {'model':<26}{'along':<10}{head}",
+        ]
+        for name in names:
+            for ray in self.rays:
+                d = 100 * ray.difference(name)[[int(np.argmin(np.abs(ray.fractions - f))) for f in places]]
+                worst = [row[np.nanargmax(np.abs(row))] if np.isfinite(row).any() else np.nan for row in d]
+                cells = "".join(f"{x:+9.2f}" if np.isfinite(x) else f"{'–':>9}" for x in worst)
+                out.append(f"  {name:<26}{ray.label:<10}{cells}")
+        return out
 
     def _line_table(self, unit, factor) -> list[str]:
         r, time = self.measured, self.crystal.units
@@ -291,6 +323,12 @@ class Dispersion:
                 values = stack(lambda r, name=name: r.models[name])
                 curves[a, ..., : values.shape[-1]] = factor * values
             data["frequency_model"] = (("model", "ray", "point", "branch"), curves, hz)
+            off = np.full(curves.shape, np.nan)
+            for a, name in enumerate(names):
+                values = stack(lambda r, name=name: r.difference(name))
+                off[a, ..., : values.shape[-1]] = values
+            what = "ω of the model over ω of the lattice, minus 1, branch by branch"
+            put("model_difference", ("model", "ray", "point", "branch"), off, "1", what)
         if self.matches:
             coords["residual_branch"] = self.matches[0].branches
             coords["residual_fraction"] = self.matches[0].fractions
@@ -352,6 +390,7 @@ class Dispersion:
             "length_unit": u.label("length"),
             "potential": self.potential,
             "notes": "; ".join(self.notes),
+            "folded": self.folded,
             "scene": self.scene,
         }
         if self.pressure is not None:
@@ -387,7 +426,8 @@ class Dispersion:
 
     def figure(self):
         """A matplotlib Figure: a panel for each direction or piece of the path; lattice, phonopy, models, measured
-        points with error bars, and behind them the spectral energy density of the run."""
+        points with error bars, and behind them the spectral energy density of the run; below, how far the models are
+        from the lattice, in per cent."""
         from .dispersion_drawing import figure
 
         return figure(self)

@@ -12,6 +12,7 @@ from atc.errors import AtcError
     "before, after, words",
     [
         ("end = [0.012, 0.0061]", "end = [-0.012, 0.0061]", r"plate.toml:18: \[notch\] crosses no bond"),
+        ("end = [0.012, 0.0061]", "end = [-0.001, 0.0061]", r"plate.toml:18: \[notch\] a notch needs a length"),
         ("dimension = 2", "plane = 'strain'", r"plate.toml:6: \[body\] plane: belongs to a body of dimension 2"),
         ("dimension = 2", "thickness = 1", r"plate.toml:6: \[body\] thickness: belongs to a body of dimension 2"),
         (

@@ -158,6 +158,41 @@ def test_influence_functions_by_formula():
             Case.load({**named, "material": {**named["material"], "influence": bad}}).simulation(1)
 
 
+@pytest.mark.parametrize("model", ["correspondence", "bond-associated"])
+def test_influence_functions_of_the_bonds_direction(model):
+    """A formula with x, y, z is the function of the vector that Python takes; lengths are the case's, delta its horizon;
+    two materials with the same one may share bonds. Materials that it would make anisotropic refuse it."""
+    table = {"model": model, "youngs": 1.0, "poisson": 0.3, "influence": "(1 + 4*x^2/r^2)*exp(-r/delta)"}
+    stretched = {"initial": {"displacement": ["1e-3*x*y", "2e-3*sin(x)", 0]}}
+    case = plate(material=table, **stretched)
+    sim = Case.load(case).simulation(1)
+    length = lambda xi: np.linalg.norm(xi, axis=1)  # noqa: E731
+    omega = lambda xi: (1 + 4 * xi[:, 0] ** 2 / length(xi) ** 2) * np.exp(-length(xi) / sim.body.horizon)  # noqa: E731
+    kind = {"correspondence": pd.Correspondence, "bond-associated": pd.BondAssociated}[model]
+    by_hand, plain = (
+        pd.Simulation(
+            sim.body, kind(youngs=1.0, poisson=0.3, influence=w), displacements=np.array(sim.state.u_nc), threads=1
+        ).forces()
+        for w in (omega, "one")
+    )
+    scale = np.abs(by_hand).max()
+    assert np.abs(sim.forces() - by_hand).max() < 1e-12 * scale < np.abs(by_hand - plain).max()
+    two = [table, {**table, "youngs": 2.0, "region": {"shape": "box", "lo": [3, -9, -9], "hi": [99, 99, 99]}}]
+    Case.load(plate(material=two)).simulation(1)
+    for changed, words in (
+        ({"model": "lps"}, r"\[material\] influence: .* would make lps anisotropic"),
+        ({"influence": "1 + x/r"}, "influence: it must be even"),
+        ({"influence": "x^2 - 1"}, "0 or more"),
+        ({"influence": "1/y"}, "influence: .*inf at y = 0"),
+        ({"influence": "x"}, "even|0 or more"),
+        ({"influence": "q*x"}, "unknown 'q'"),
+        ({"Gc": 1.0}, "give a critical stretch, s00"),
+    ):
+        with pytest.raises(AtcError, match=words) as e:
+            Case.load(plate(material={**table, **changed})).simulation(1)
+        assert "\n" not in str(e.value)
+
+
 def test_corrections_can_be_chosen():
     for key, value in (("surface_correction", False), ("volume_correction", True)):
         case = plate(material={"model": "pmb", "youngs": 1.0, key: value})

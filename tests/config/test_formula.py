@@ -124,6 +124,17 @@ def test_equal_texts_are_equal_formulas():
     assert set(FUNCTIONS) >= {"sin", "cos", "exp", "sqrt", "min", "max", "abs", "where"}
 
 
+def test_influence_functions_of_vectors():
+    from atc.config.formula import influence
+
+    w = influence("x^2 + r/delta", 4.0, unit=10.0)
+    np.testing.assert_allclose(w(np.array([[10.0, 0, 0], [0, -20.0, 0]])), [1 + 2.5, 5.0], rtol=1e-14)
+    assert w == influence("x^2 + r/delta", 4.0, 10.0) != influence("x^2 + r/delta", 5.0, 10.0)
+    assert len({w, influence("x^2 + r/delta", 4.0, 10.0), influence("x^2 + r/delta", 4.0)}) == 2
+    plain = influence("r", 4.0, unit=10.0)
+    assert plain(np.array([20.0]), 4.0) == 2.0 and plain != influence("r", 4.0)
+
+
 def test_influence_functions():
     w = Influence("1 - r/delta")
     assert np.array_equal(w(np.array([0.0, 1.0, 2.0]), 4.0), [1.0, 0.75, 0.5]) and np.array_equal(

@@ -176,3 +176,32 @@ def test_cases_and_what_is_refused(tmp_path):
         pd.Conduction(1.0, np.nan)
     with pytest.raises(AtcError, match="material 1 of the body has no conductivity"):
         pd.Simulation(body, lps(), conduction={2: METAL}, threads=1)
+
+
+def test_restarts_with_and_without_heat(tmp_path):
+    """A run without heat goes on with it from [body] temperature; one with heat never without; temperatures of a state go
+    before the body's."""
+    metal = {"conductivity": K, "specific_heat": C}
+    case = {
+        "body": {"region": {"shape": "box", "lo": [0, 0, 0], "hi": [5, 3, 0]}, "spacing": 1.0, "horizon": 3.015,
+                 "density": 1.5, "dimension": 2},
+        "material": [{"model": "lps", "youngs": 1.0, "poisson": 0.25, "expansion": 1e-3}],
+        "initial": [{"velocity": ["1e-3*x", 0, 0]}],
+        "run": {"steps": 3, "dt": 0.1},
+    }  # fmt: skip
+    warm = {**case, "material": [{**case["material"][0], **metal}], "body": {**case["body"], "temperature": "2*x"}}
+    files = {}
+    for name, c in (("cold", case), ("warm", warm)):
+        files[name] = str(tmp_path / f"{name}.npz")
+        Case.load({**c, "output": {"restart": files[name]}}).run(tmp_path / f"{name}.nc", threads=1)
+    go_on = lambda c, name: {**c, "run": {**c["run"], "restart": files[name]}}  # noqa: E731
+    ds = Case.load(go_on(warm, "cold")).run(tmp_path / "heated.nc", threads=1)
+    np.testing.assert_array_equal(ds.temperature.values[0], 2 * ds.position_x.values)
+    assert ds.step.values[0] == 3 and np.abs(ds.displacement.values[0]).max() > 0
+    with pytest.raises(AtcError, match="case: the state has temperatures, of a run that conducted heat") as e:
+        Case.load(go_on(case, "warm")).run(tmp_path / "lost.nc", threads=1)
+    assert "\n" not in str(e.value)
+    other = {**warm, "body": {**case["body"], "temperature": 77.0}}
+    again = Case.load(go_on(other, "warm")).run(tmp_path / "again.nc", threads=1)
+    ended = Case.load({**warm, "run": {"steps": 3, "dt": 0.1}}).run(tmp_path / "whole.nc", threads=1)
+    np.testing.assert_array_equal(again.temperature.values[0], ended.temperature.values[-1])

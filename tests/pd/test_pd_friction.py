@@ -164,3 +164,30 @@ def test_cases_and_what_is_refused():
     case["contact"] = {"friction": "rough"}
     with pytest.raises(AtcError, match="Coulomb's coefficient"):
         Case.load(case)
+
+
+def test_the_push_is_computed_once(monkeypatch):
+    sim = block(0.3, speed=0.02, steps=3)
+    calls, add = [], pd.Wall.add
+    monkeypatch.setattr(pd.Wall, "add", lambda self, *a: (calls.append(1), add(self, *a))[1])
+    sim.step(5)
+    assert len(calls) == 5
+    # the wall's force is what its nodes feel without friction, and the energy that of their depths
+    depth = np.maximum(sim.rigid[0].place(0.0)[1] - sim.positions_nc[:, 1], 0.0)
+    assert sim.rigid[0].force[1] == pytest.approx((sim.body.V_n * depth**2).sum(), rel=1e-12)
+    assert sim.energies().indenter == pytest.approx((sim.body.V_n * depth**3).sum() / 3, rel=1e-12)
+
+
+def test_friction_of_nodes_is_a_couple():
+    """Opposite forces at the distance of the nodes: their torque is friction times that distance, and no more."""
+    sim, upper, N = pressed(0.3, held=True)
+    sim.step(40)
+    x, f = sim.positions_nc, sim.state.history["friction_nc"]
+    pulled = f[upper].sum(axis=0)
+    torque = float(np.cross(x, f).sum(axis=0)[2])
+    soles = upper & (np.abs(f[:, 0]) > 0)
+    height = np.average(x[soles, 1], weights=np.abs(f[soles, 0])) - np.average(
+        x[~upper, 1], weights=np.abs(f[~upper, 0])
+    )
+    assert torque == pytest.approx(-height * pulled[0], rel=0.02) and 0.5 < height < 1.35
+    assert abs(pulled[0]) == pytest.approx(0.3 * N, rel=0.1)

@@ -87,6 +87,31 @@ def test_a_strained_sheet(tmp_path):
     assert ds["pd_displacement"].values == pytest.approx(ds["md_displacement"].values, abs=1e-3 * e * NY * 3**0.5)
 
 
+def test_influence(tmp_path):
+    """Of the isotropic law; lengths in the run's units. Small strains are exact, but for what nodes sample (2 %)."""
+    e = 1e-4
+    frames = [sheet(), sheet(np.diag([0.0, e]))]
+    said = {"influence": "exp(-r/2)", "orient": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}
+    found = twin_of(tmp_path / "run.dump", frames, motion="static", **said)
+    law = found.material.material.influence
+    assert law(np.array([2.0]), 3.0) == pytest.approx(np.exp(-1.0))
+    assert found.dataset["pd_box_stress"].values[0][1, 1] == pytest.approx(C11 * e, rel=0.02)
+
+
+def test_influence_of_other_materials():
+    from atc.pd.materials.base import of_vector
+    from atc.twins.choice import _influence
+    from atc.units import units
+
+    settings = {"material": "cauchy-born", "influence": "1 + x^2"}
+    law = _influence(lambda key, default=None: settings.get(key, default), units("si"), 5.0)
+    # metres in the formula, angstroms in the engine
+    assert of_vector(law) and law(np.array([[1e10, 0, 0]])) == pytest.approx([2.0], rel=1e-12)
+    settings["material"] = "linear"
+    with pytest.raises(AtcError, match="influence: the springs of linear are the crystal's"):
+        _influence(lambda key, default=None: settings.get(key, default), units("si"), 5.0)
+
+
 @pytest.fixture(scope="module")
 def strip():
     """(Crack, its simulation, Gc) of a sheet open on all sides, whose upper half is lifted: y = the middle parts."""
@@ -178,6 +203,10 @@ def test_notches(tmp_path):
         ({"fracture": True, "notches": [[[0, 0, 0], [1, 1, 0]]]}, r"each is \[\[x, y\], \[x, y\]\]"),
         ({"fracture": True, "notches": [[[0, 0], [1]]]}, r"each is \[\[x, y\], \[x, y\]\]"),
         ({"fracture": True, "notches": [[[90, 90], [99, 99]]]}, "crosses no bond"),
+        ({"fracture": True, "notches": [[[4, 9], [4, 9]]]}, r"notches: a notch needs a length: .* \[4.0, 9.0\] to"),
+        ({"orient": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}, "orient: .* a run in the plane keeps the crystal's z"),
+        ({"orient": [[0, 1, 0], [1, 0, 0], [0, 0, 1]]}, "orient: .* right-handed"),
+        ({"influence": "1 + x^2"}, r"\[twin\] influence: .*lps anisotropic"),
     ],
 )
 def test_what_does_not_go_together(tmp_path, wrong, words):

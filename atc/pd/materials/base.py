@@ -85,6 +85,11 @@ def moment(influence, body, power: int):
         return surface * delta ** (d + power) / (d + power)
     from scipy.integrate import quad
 
+    if of_vector(influence):
+        raise AtcError(
+            "influence: with one of the bond's direction an energy per area depends on the plane: give a critical "
+            "stretch, s00, instead of Gc"
+        )
     omega = influence_function(influence)
     return surface * quad(lambda r: float(omega(np.array([r]), delta)[0]) * r ** (d - 1 + power), 0, delta)[0]
 

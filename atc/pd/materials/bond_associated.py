@@ -20,9 +20,10 @@ import numpy as np
 
 from ...compiled import njit
 from ...errors import AtcError
-from ..bonds import HORIZON_SLACK, JIT
+from ..bonds import HORIZON_SLACK
 from ..lanes import INLINE, C, gather
 from .base import AT_ONCE, BondForces, ForceModel, Isotropic, deformed
+from .shared_families import find_runs, moments, order, states, stiff_rows
 
 # The share that must be left of the smallest moment of a bond's family, or that end of the bond has no energy any more.
 # More than of a node's (`correspondence`): with 0.05 a shattering body gains kinetic energy from what is left.
@@ -43,7 +44,8 @@ class BondAssociated(Isotropic):
 
     Notes
     -----
-    Nothing to stabilise and nothing to choose; a step costs as many products as a node has pairs of bonds.
+    Nothing to stabilise and nothing to choose. A step costs 4 times correspondence's at two spacings, 8 times at three:
+    the sums over the families of a node's bonds are differences of running sums (`shared_families`).
     """
 
     name = "bond-associated"
@@ -72,11 +74,12 @@ class BondAssociatedModel(ForceModel):
         t = self.table
         self._i_b = t.i_b
         nodes = np.stack([self._i_b, t.j_b], axis=1).ravel()
-        self.end_e = np.argsort(nodes, kind="stable")
+        xi = t.xi_bc(body.X_nc)
+        self.end_e = order(nodes, np.stack([xi, -xi], axis=1).reshape(-1, 3), body.spacing)
         self.first_n = np.concatenate([[0], np.cumsum(np.bincount(nodes, minlength=self.n))]).astype(np.int64)
         self.most = int(np.diff(self.first_n).max(initial=0))
         # Of a node's ends, in the order of `end_e`: K⁻¹ (xx yy zz yz xz xy), w, and the smallest moment at rest.
-        self.inverse_ev = np.zeros((2 * len(t), 6))
+        self.inverse_ve = np.zeros((6, 2 * len(t)))
         self.share_e = np.zeros(2 * len(t))
         self.least_e = np.zeros(2 * len(t))
         self.T_ec = np.zeros((2 * len(t), 3))
@@ -90,6 +93,7 @@ class BondAssociatedModel(ForceModel):
         rest = np.zeros((self.n, 8))
         rest[:, 3:6] = self.body.X_nc
         self._rest = rest
+        self._find_runs(rest)
         self._shape(rest, np.ones(len(self.table), np.uint8), first=True)
         node = np.repeat(np.arange(self.n), np.diff(self.first_n))
         held = np.bincount(node, self.share_e, self.n) > 0
@@ -98,6 +102,17 @@ class BondAssociatedModel(ForceModel):
                 f"bond-associated: few nodes share neighbours with theirs that span {self.body.dimension} dimensions: "
                 f"the horizon reaches {self.body.horizon / self.body.spacing:.3g} spacings, take 2 or more"
             )
+
+    def _find_runs(self, rest):
+        """The runs of each end's family among its node's bonds."""
+        whole, every = np.ones(len(self.table), np.uint8), np.arange(self.n)
+        reach2 = (self.body.horizon * (1 + HORIZON_SLACK)) ** 2
+        counts = np.zeros(2 * len(self.table), np.int64)
+        self.runs_of_e = counts, np.zeros((0, 2), np.uint8 if self.most < 256 else np.uint16)
+        self._run(find_runs, every, rest, whole, reach2, True)
+        where = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        self.runs_of_e = where, np.empty((int(where[-1]), 2), self.runs_of_e[1].dtype)
+        self._run(find_runs, every, rest, whole, reach2, False)
 
     def _run(self, kernel, nodes, z, intact_b, *more):
         t = self.table
@@ -115,7 +130,7 @@ class BondAssociatedModel(ForceModel):
             z,
             self.W_b,
             intact_b,
-            (self.body.horizon * (1 + HORIZON_SLACK)) ** 2,
+            *self.runs_of_e,
             *more,
             grain=_NODES,
         )
@@ -130,11 +145,11 @@ class BondAssociatedModel(ForceModel):
         touched = np.zeros(self.n, bool)
         touched[self._i_b[changed]] = touched[self.table.j_b[changed]] = True
         nodes = np.flatnonzero(touched)
-        self._run(_moments, nodes, z, intact_b, self.inverse_ev)
+        self._run(moments, nodes, z, intact_b, self.inverse_ve)
         ends = np.flatnonzero(np.repeat(touched, np.diff(self.first_n)))
         for a in range(0, len(ends), AT_ONCE):
             self._invert(ends[a : a + AT_ONCE], first)
-        whole = self.inverse_ev[ends].any(axis=1)
+        whole = self.inverse_ve[:, ends].any(axis=0)
         bonds = self.end_e[ends] >> 1
         share = np.where(whole & known[bonds], self.W_b[bonds], 0.0)
         node = np.repeat(nodes, np.diff(self.first_n)[nodes])
@@ -144,7 +159,7 @@ class BondAssociatedModel(ForceModel):
     def _invert(self, ends, first):
         """K to K⁻¹ at these ends; 0 where it cannot be."""
         d = self.body.dimension
-        K = self.inverse_ev[ends][:, _FULL].reshape(-1, 3, 3)[:, :d, :d]
+        K = self.inverse_ve[:, ends].T[:, _FULL].reshape(-1, 3, 3)[:, :d, :d]
         w = np.linalg.eigvalsh(K)
         if first:
             self.least_e[ends] = w[:, 0]
@@ -152,18 +167,18 @@ class BondAssociatedModel(ForceModel):
         whole = (w[:, 0] > 1e-6 * w[:, -1]) & (w[:, 0] > LEAST * self.least_e[ends])
         inverse = np.zeros((len(ends), 3, 3))
         inverse[np.ix_(whole, range(d), range(d))] = np.linalg.inv(K[whole])
-        self.inverse_ev[ends] = inverse.reshape(-1, 9)[:, [0, 4, 8, 5, 2, 1]]
+        self.inverse_ve[:, ends] = inverse.reshape(-1, 9)[:, [0, 4, 8, 5, 2, 1]].T
 
     def _states(self, z, intact_b, pull, nodes=None):
         """U_n of these nodes (default all), and with `pull` the forces of all bonds."""
         self._shape(z, intact_b)
         nodes = np.arange(self.n) if nodes is None else nodes
         self._run(
-            _states,
+            states,
             nodes,
             z,
             intact_b,
-            self.inverse_ev,
+            self.inverse_ve,
             self.share_e,
             self.lam_n,
             self.mu_n,
@@ -212,11 +227,11 @@ class BondAssociatedModel(ForceModel):
         self._shape(self._rest, np.ones(len(self.table), np.uint8))
         own_n, across_e = np.zeros(self.n), np.zeros(2 * len(self.table))
         self._run(
-            _rows,
+            stiff_rows,
             np.arange(self.n),
             self._rest,
             np.ones(len(self.table), np.uint8),
-            self.inverse_ev,
+            self.inverse_ve,
             self.share_e,
             own_n,
             across_e,
@@ -228,187 +243,6 @@ class BondAssociatedModel(ForceModel):
 
 # Where the six numbers of a symmetric tensor stand in its nine.
 _FULL = [0, 5, 4, 5, 1, 3, 4, 3, 2]
-
-
-@njit(**INLINE)
-def _family(i, first, end, i_b, j_b, image, images, z, W, intact, xi, eta, a):
-    """ξ, η and weights (0 of broken ones) of node i's bonds, seen from it. Returns how many."""
-    m = first[i + 1] - first[i]
-    for k in range(m):
-        b = end[first[i] + k] >> 1
-        sign = 1.0 if end[first[i] + k] & 1 == 0 else -1.0
-        p, q = i_b[b], j_b[b]
-        for c in range(3):
-            x = z[q, 3 + c] - z[p, 3 + c]
-            e = z[q, c] - z[p, c]
-            if len(image):
-                x += images[image[b], c]
-                e += images[image[b], 3 + c]
-            xi[k, c] = sign * x
-            eta[k, c] = sign * e
-        a[k] = W[b] if intact[b] != 0 else 0.0
-    return m
-
-
-@njit(**INLINE)
-def _near(xi, j, k, reach2):
-    """Whether the ends of two bonds of a node are within each other's horizon."""
-    x = xi[j, 0] - xi[k, 0]
-    y = xi[j, 1] - xi[k, 1]
-    z = xi[j, 2] - xi[k, 2]
-    return x * x + y * y + z * z <= reach2
-
-
-@njit(**JIT)
-def _moments(lo, hi, nodes, first, end, most, i_b, j_b, image, images, z, W, intact, reach2, K):
-    """K (xx yy zz yz xz xy) at all ends of these nodes' bonds."""
-    xi, eta, a = np.empty((most, 3)), np.empty((most, 3)), np.empty(most)
-    for n in range(lo, hi):
-        i = nodes[n]
-        m = _family(i, first, end, i_b, j_b, image, images, z, W, intact, xi, eta, a)
-        for j in range(m):
-            out = K[first[i] + j]
-            out[:] = 0.0
-            for k in range(m):
-                if a[k] > 0.0 and _near(xi, j, k, reach2):
-                    x, y, s = a[k] * xi[k, 0], a[k] * xi[k, 1], a[k] * xi[k, 2]
-                    out[0] += x * xi[k, 0]
-                    out[1] += y * xi[k, 1]
-                    out[2] += s * xi[k, 2]
-                    out[3] += y * xi[k, 2]
-                    out[4] += x * xi[k, 2]
-                    out[5] += x * xi[k, 1]
-
-
-@njit(**INLINE)
-def _unpack(v, full):
-    """(3, 3) of xx yy zz yz xz xy."""
-    full[0, 0], full[1, 1], full[2, 2] = v[0], v[1], v[2]
-    full[1, 2] = full[2, 1] = v[3]
-    full[0, 2] = full[2, 0] = v[4]
-    full[0, 1] = full[1, 0] = v[5]
-
-
-@njit(**INLINE)
-def _saint_venant(H, lam, mu, E, P):
-    """P = (1 + H) S into P, S = λ tr(E) + 2μE. Returns W."""
-    trace = 0.0
-    square = 0.0
-    for r in range(3):
-        for c in range(3):
-            E[r, c] = 0.5 * (H[r, c] + H[c, r] + H[0, r] * H[0, c] + H[1, r] * H[1, c] + H[2, r] * H[2, c])
-            square += E[r, c] * E[r, c]
-        trace += E[r, r]
-    for r in range(3):
-        for c in range(3):
-            E[r, c] *= 2.0 * mu
-        E[r, r] += lam * trace
-    for r in range(3):
-        for c in range(3):
-            P[r, c] = E[r, c] + H[r, 0] * E[0, c] + H[r, 1] * E[1, c] + H[r, 2] * E[2, c]
-    return 0.5 * lam * trace * trace + mu * square
-
-
-@njit(**JIT)
-def _states(
-    lo,
-    hi,
-    nodes,
-    first,
-    end,
-    most,
-    i_b,
-    j_b,
-    image,
-    images,
-    z,
-    W,
-    intact,
-    reach2,
-    inverse,
-    share,
-    lam,
-    mu,
-    V,
-    pull,
-    U,
-    T,
-):
-    """U of these nodes; with `pull` T = V ω A ξ at their ends of bonds."""
-    xi, eta, a = np.empty((most, 3)), np.empty((most, 3)), np.empty(most)
-    B = np.empty((most, 9))
-    S, H, E, P, Ki = np.empty(9), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for n in range(lo, hi):
-        i = nodes[n]
-        m = _family(i, first, end, i_b, j_b, image, images, z, W, intact, xi, eta, a)
-        energy = 0.0
-        for j in range(m):
-            w = share[first[i] + j]
-            B[j] = 0.0
-            if w == 0.0:
-                continue
-            S[:] = 0.0
-            for k in range(m):
-                if a[k] > 0.0 and _near(xi, j, k, reach2):
-                    x, y, s = a[k] * xi[k, 0], a[k] * xi[k, 1], a[k] * xi[k, 2]
-                    for r in range(3):
-                        S[3 * r] += eta[k, r] * x
-                        S[3 * r + 1] += eta[k, r] * y
-                        S[3 * r + 2] += eta[k, r] * s
-            _unpack(inverse[first[i] + j], Ki)
-            for r in range(3):
-                for c in range(3):
-                    H[r, c] = S[3 * r] * Ki[0, c] + S[3 * r + 1] * Ki[1, c] + S[3 * r + 2] * Ki[2, c]
-            energy += w * _saint_venant(H, lam[i], mu[i], E, P)
-            for r in range(3):
-                for c in range(3):
-                    B[j, 3 * r + c] = w * V[i] * (P[r, 0] * Ki[0, c] + P[r, 1] * Ki[1, c] + P[r, 2] * Ki[2, c])
-        U[i] = V[i] * energy
-        if pull:
-            for k in range(m):
-                out = T[end[first[i] + k]]
-                S[:] = 0.0
-                if a[k] > 0.0:
-                    for j in range(m):
-                        if _near(xi, j, k, reach2):
-                            for c in range(9):
-                                S[c] += B[j, c]
-                for r in range(3):
-                    out[r] = a[k] * (S[3 * r] * xi[k, 0] + S[3 * r + 1] * xi[k, 1] + S[3 * r + 2] * xi[k, 2])
-
-
-@njit(**JIT)
-def _rows(
-    lo, hi, nodes, first, end, most, i_b, j_b, image, images, z, W, intact, reach2, inverse, share, own, across, modulus
-):
-    """Shares of these nodes' energies in the row sums of the stiffness: in their own rows, and by ends in others'."""
-    xi, eta, a, g = np.empty((most, 3)), np.empty((most, 3)), np.empty(most), np.empty(most)
-    Ki, v, mine = np.empty((3, 3)), np.empty(3), np.empty(3)
-    for n in range(lo, hi):
-        i = nodes[n]
-        m = _family(i, first, end, i_b, j_b, image, images, z, W, intact, xi, eta, a)
-        for k in range(m):
-            across[end[first[i] + k]] = 0.0
-        for j in range(m):
-            w = share[first[i] + j] * modulus[i]
-            if w == 0.0:
-                continue
-            _unpack(inverse[first[i] + j], Ki)
-            mine[:] = 0.0
-            total = 0.0
-            for k in range(m):
-                g[k] = 0.0
-                if _near(xi, j, k, reach2):
-                    for c in range(3):
-                        v[c] = a[k] * (Ki[c, 0] * xi[k, 0] + Ki[c, 1] * xi[k, 1] + Ki[c, 2] * xi[k, 2])
-                        mine[c] += v[c]
-                    g[k] = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-                    total += g[k]
-            size = np.sqrt(mine[0] * mine[0] + mine[1] * mine[1] + mine[2] * mine[2])
-            total += size
-            own[i] += w * size * total
-            for k in range(m):
-                across[end[first[i] + k]] += w * g[k] * total
 
 
 @njit(**INLINE)
