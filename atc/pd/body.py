@@ -90,6 +90,8 @@ class Body:
             plane,
             float(thickness),
         )
+        #: (3, 3) rows: from one node to the next, where they are a lattice's.
+        self.step_cc = None
         self.material_n = np.ascontiguousarray(np.broadcast_to(np.asarray(materials, np.int32), (n,)))
         if cell is None:
             cell = Cell(np.zeros((3, 3)), periodic=False)
@@ -175,8 +177,11 @@ class Body:
     def nu_b(self) -> np.ndarray:
         """(b,) share of a node's volume that its partner sees: 1 inside, falling to ½ at the horizon over half a
         spacing (R, nodal volume scaling)."""
+        return self.share(self.bonds.r0_b)
+
+    def share(self, r0) -> np.ndarray:
+        """ν of bonds of these lengths."""
         r = 0.5 * self.spacing
-        r0 = self.bonds.r0_b
         nu = np.where(np.abs(r0 - self.horizon) <= r, -r0 / (2 * r) + (1.0 + (self.horizon - r) / (2 * r)), 1.0)
         return np.clip(nu, 0.0, 1.0, out=nu)
 
@@ -259,7 +264,7 @@ class Body:
             )
         thickness = (spacing ** (3 - dimension)) if thickness is None else thickness
         volume = spacing**dimension * (thickness if dimension < 3 else 1.0)
-        return cls(
+        body = cls(
             points,
             volume * share,
             density,
@@ -269,6 +274,8 @@ class Body:
             spacing=spacing,
             **options,
         )
+        body.step_cc = None if jitter else np.eye(3) * spacing
+        return body
 
 
 def _per_node(value, n, name):

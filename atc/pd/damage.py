@@ -58,8 +58,9 @@ class CriticalEnergy:
     """A bond of a state-based ordinary body breaks for good when the work done on it, ∫ f de per volumes of its ends
     (and their share ν), exceeds w_c, and it is longer than at rest. It pulls once more.
 
-    Gc : fracture energy per area. w_c is that with which all bonds across a plane together cost it: 4Gc/(πδ⁴) in three
-        dimensions, 3Gc/(2hδ³) in plates.
+    Gc : fracture energy per area. w_c is that with which all bonds across a plane together cost it: of a lattice
+        (`Body.lattice` without jitter) by its own sum, for the plane where that is least; of other bodies by the
+        integral, 4Gc/(πδ⁴) in three dimensions, 3Gc/(2hδ³) in plates.
     """
 
     Gc: float

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import AtcError
 from ..blocks import Blocks, Crew, collect
+from ..bonds import HORIZON_SLACK
 from ..damage import DamageRule
 from ..standing import Standing
 from .rows import force_loop
@@ -98,10 +99,39 @@ def moment(influence, body, power: int):
 MEAN_COS = {1: 1.0, 2: 2 / np.pi, 3: 0.5}
 
 
-def critical_work(Gc, body):
-    """w_c of a bond, per volumes of its ends, with which all bonds across a plane together cost Gc per area."""
-    # Every direction counts a bond twice.
-    return Gc / (0.5 * moment("one", body, 1) * MEAN_COS[body.dimension])
+def critical_work(Gc, body, volume_correction=True):
+    """w_c of a bond, per volumes of its ends (and their share ν, with `volume_correction`), with which all bonds across
+    a plane together cost Gc per area: of a lattice, the plane where its sum is least, which a crack takes."""
+    if body.step_cc is None:
+        # Every direction counts a bond twice.
+        return Gc / (0.5 * moment("one", body, 1) * MEAN_COS[body.dimension])
+    return Gc / least_cut(body, volume_correction)
+
+
+def least_cut(body, volume_correction=True) -> float:
+    """Σ ν V_i V_j over the bonds that a plane between the nodes of a body's lattice crosses, per area; of the plane
+    that crosses least."""
+    d, step = body.dimension, body.step_cc[: body.dimension, : body.dimension]
+    reach = np.ceil(body.horizon * np.linalg.norm(np.linalg.inv(step), axis=0)).astype(int)
+    n = np.stack(np.meshgrid(*(np.arange(-k, k + 1) for k in reach), indexing="ij"), axis=-1).reshape(-1, d)
+    xi = n @ step
+    r = np.linalg.norm(xi, axis=1)
+    # Of ±ξ one.
+    inside = (r > 0) & (r <= body.horizon * (1 + HORIZON_SLACK)) & (np.arange(len(r)) > len(r) // 2)
+    xi, r = xi[inside], r[inside]
+    V = abs(np.linalg.det(step)) * (body.thickness if d < 3 else 1.0)
+    weight = V * (body.share(r) if volume_correction else np.ones(len(r)))
+    # The sum over |ξ·n| is least for an n normal to bonds: to short ones, whose planes cross few.
+    short = xi[np.argsort(r, kind="stable")[:13]]
+    if d == 1:
+        normals = np.ones((1, 1))
+    elif d == 2:
+        normals = short[:, ::-1] * [1.0, -1.0]
+    else:
+        normals = np.cross(short[:, None], short[None]).reshape(-1, 3)
+    size = np.linalg.norm(normals, axis=1)
+    normals = normals[size > 1e-9 * size.max()] / size[size > 1e-9 * size.max(), None]
+    return float((np.abs(normals @ xi.T) @ weight).min())
 
 
 def bond_based_shear(body, youngs=None, bulk=None):

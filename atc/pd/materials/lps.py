@@ -139,7 +139,9 @@ class StateModel(ForceModel):
         self.history = None
         if self.rule.Gc is not None:
             self.remembers = True
-            self.worth_b = self.per_bond(critical_work(self.rule.Gc, body)) * (body.V_n[t.i_b] * body.V_n[t.j_b])
+            self.worth_b = self.per_bond(critical_work(self.rule.Gc, body, self.first.volume_correction)) * (
+                body.V_n[t.i_b] * body.V_n[t.j_b]
+            )
             if self.first.volume_correction:
                 self.worth_b *= body.nu_b()
 
