@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..pictures.drawing import STYLE
-from ..pictures.twins import drawn, histories, profiles
+from ..pictures.twins import at_nodes, drawn, histories, over_line, profiles, shown_frames
 from .accessor import VOIGT
 from .html import document, facts, figure_of, table, warned_of
 
@@ -64,23 +64,28 @@ def _plain(units: str) -> str:
 
 def _run(ds) -> list:
     n = ds.sizes["frame"]
-    rows = [("frames", str(n))]
+    rows = [("the twin's run", ds.attrs["cost"])] if ds.attrs.get("cost") else []
+    frames = str(n)
     if "time" in ds.coords and np.isfinite(ds["time"].values).all():
         t = ds["time"].values
-        rows = [("frames", f"{n}, {t[0]:.5g} to {t[-1]:.5g} {_unit(ds, 'time')}")]
-    return rows + [(key, ds.attrs[key]) for key in ("kernel", "grid") if ds.attrs.get(key)]
+        frames = f"{n}, {t[0]:.5g} to {t[-1]:.5g} {_unit(ds, 'time')}"
+    return [*rows, ("frames", frames)] + [(key, ds.attrs[key]) for key in ("kernel", "grid") if ds.attrs.get(key)]
 
 
 def _short(ds) -> str:
     """The numbers that one asks for first."""
     rows = []
-    for k, c in enumerate("xyz"):
+    moving = _each_frame(ds)
+    stiff = np.abs(ds["elastic_crystal"].values).max() if "elastic_crystal" in ds else 0.0
+    size = np.abs(ds["md_box_stress"].values.mean(0)).max()
+    for k, c in enumerate("xyz"[: ds["md_displacement"].sizes.get("i", 3)]):
         md, pd = (ds[f"{s}_box_stress"].values[:, k, k] for s in ("md", "pd"))
-        size = max(np.abs(ds["md_box_stress"].values.mean(0)).max(), 1e-300)
-        error = md.std(ddof=1) / len(md) ** 0.5 if len(md) > 1 else np.nan
+        error = md.std(ddof=1) / len(md) ** 0.5 if len(md) > 1 and not moving else np.nan
         what = f"mean stress of the box, {c}{c} ({_unit(ds, 'md_box_stress')})"
-        off = f"{100 * (pd.mean() - md.mean()) / size:+.2g} % of the largest"
-        rows.append([what, f"{md.mean():.5g}", f"{pd.mean():.5g}", off, f"{error:.2g}"])
+        off = f"{pd.mean() - md.mean():+.3g}"
+        if size > 1e-6 * stiff and size > 0:  # else rounding and what is of second order
+            off += f", {100 * (pd.mean() - md.mean()) / size:+.2g} % of the largest"
+        rows.append([what, f"{md.mean():.5g}", f"{pd.mean():.5g}", off, f"{error:.2g}" if error == error else ""])
     for name, what in (
         ("damage_of_body", "bonds lost at the end, share"),
         ("crack_tip", "crack's tip at the end"),
@@ -125,28 +130,47 @@ def _constants(ds) -> list[str]:
             if max(map(abs, values)) < 1e-6 * size:
                 continue
             off = 100 * (values[-1] / values[0] - 1) if abs(values[0]) > 1e-6 * size else np.nan
-            rows.append([f"C {VOIGT[a]},{VOIGT[b]}", *(f"{v:.5g}" for v in values), _percent(off)])
+            shown = (f"{v:.5g}" if abs(v) > 1e-9 * size else "0" for v in values)
+            rows.append([f"C {VOIGT[a]},{VOIGT[b]}", *shown, _percent(off)])
     head = [f"({unit})", *(h for h, _ in columns), "last against crystal, %"]
     note = "" if "elastic_nodes" in ds else "<p>The nodes carry the atoms, and with them the crystal's constants.</p>"
     return [table(rows, head, "Elastic constants along the run's axes", numbers=range(1, len(head))), note]
 
 
+def _each_frame(ds) -> bool:
+    """Whether the fields of the run move, so that its frames are compared one by one."""
+    return str(ds.attrs.get("norms", "")).startswith("of every frame")
+
+
 def _pictures(ds) -> list[str]:
     import matplotlib as mpl
 
-    out, n = [], ds.sizes["frame"]
+    out, n, moments = [], ds.sizes["frame"], shown_frames(ds)
     of = "the frame" if n == 1 else f"means of {n} frames"
+    empty = "empty where there is no matter"
+    if moments:
+        line = (
+            "Both along the line. On the grid the twin's fields are smoothed once more than the atoms', which short "
+            "waves feel: compare those at the nodes"
+        )
+        nodes = "At the nodes: the run (smoothed once), the twin and the classical wave equation"
+        fields = [
+            (lambda: over_line(ds, ""), line),
+            (lambda: drawn(ds, "", frames=moments), f"MD, PD and their difference, half-way and at the end; {empty}"),
+            (lambda: at_nodes(ds), nodes),
+        ]
+    else:
+        band = "the band is the MD's standard error"
+        fields = [
+            (lambda: drawn(ds, ""), f"MD, PD and their difference, {of}; {empty}"),
+            (lambda: profiles(ds), f"Profiles of both, {of}, over the cross-section's matter; {band}"),
+            (lambda: drawn(ds, "", frames=[-1]), "The same maps of the last frame" if n > 1 else ""),
+        ]
     with mpl.rc_context(STYLE):
-        for make, words in (
-            (lambda: drawn(ds, ""), f"MD, PD and their difference, {of}; empty where there is no matter"),
-            (lambda: profiles(ds), f"Profiles of both, {of}, over the cross-section's matter; the band is the MD's "
-             "standard error"),
-            (lambda: drawn(ds.isel(frame=[-1]), ""), "The same maps of the last frame" if n > 1 else ""),
-            (lambda: histories(ds), "Over time"),
-        ):  # fmt: skip
+        for make, words in (*fields, (lambda: histories(ds), "Over time")):
             try:
                 fig = make() if words else None
-            except AtcError:  # grids that no map is of
+            except AtcError:  # grids that it is not of
                 continue
             if fig is not None:
                 out.append(figure_of(fig, words))
@@ -173,10 +197,20 @@ def _norms(ds) -> list[str]:
             )
     head = ["field", "where", "points", "MD rms", "PD rms", "PD − MD rms", "of MD, %", "MD's standard error"]
     words = "; ".join(f"{k}: {v}" for k, v in _WHERE.items())
+    if _each_frame(ds):
+        rows = [row[:7] for row in rows]
+        of = "components, points and frames, each frame with its own"
+        floor = "The run's thermal motion is in it; its own error needs several runs."
+    else:
+        head.append("difference in standard errors")
+        of = "components and points of the means over the frames"
+        floor = "Below one standard error of the MD no difference means anything; it takes the frames for independent."
+    floor += (
+        " Energy is counted from that of the crystal at rest: that of vibrations and of surfaces is in the MD's only."
+    )
     return [
-        table(rows, [*head, "difference in standard errors"], numbers=range(2, 9)),
-        f'<p class="sub">rms over components and points of the means over the frames. {escape(words)}. Below one '
-        "standard error of the MD no difference means anything; it takes the frames for independent.</p>",
+        table(rows, head[: len(rows[0])] if rows else head, numbers=range(2, 9)),
+        f'<p class="sub">rms over {of}. {escape(words)}. {floor}</p>',
     ]
 
 

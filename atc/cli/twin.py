@@ -50,10 +50,9 @@ def twin(
     if report is not None:
         page_path(report)
     kind = made.get("grid", "kind")
-    if movie is not None and kind not in ("regular", "plane"):
-        raise AtcError(f"{made.where('grid', 'kind')}: --movie needs a regular or plane grid, not {kind}")
-    if picture is not None and kind not in ("regular", "plane", "line"):
-        raise AtcError(f"{made.where('grid', 'kind')}: --picture needs a regular, plane or line grid, not {kind}")
+    for what, path in (("--movie", movie), ("--picture", picture)):
+        if path is not None and kind not in ("regular", "plane", "line"):
+            raise AtcError(f"{made.where('grid', 'kind')}: {what} needs a regular, plane or line grid, not {kind}")
     with progress_bar(quiet) as progress:
         result = twin_of(made, tell=None if quiet else print, progress=progress)
     show(result, quiet=quiet)

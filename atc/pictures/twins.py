@@ -22,24 +22,41 @@ def components_of(data) -> list:
 
 
 def picture(data, path, title, components=None):
-    """MD, PD and their difference as maps of time averages, one row for each component (field, index, label)."""
+    """MD, PD and their difference as maps, one row for each component (field, index, label): of time averages, of a
+    dynamic twin in the middle of the run and at its end; of a line grid what `over_line` draws."""
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
-        return save((over_line if _kind(data) == "line" else drawn)(data, title, components), path)
+        if _kind(data) == "line":
+            return save(over_line(data, title.partition(": means of")[0], components), path)
+        frames = shown_frames(data)
+        if frames:
+            title = title.partition(": means of")[0]
+        return save(drawn(data, title, components, frames=frames), path)
 
 
-def over_line(data, title, components=None):
-    """Figure of a line grid: both sides at the first, the middle and the last frame, one row for each component. By
-    default the displacement and the stress that vary most over time."""
+def shown_frames(data) -> list[int]:
+    """The frames that stand for a run whose fields move, in the middle and at the end; none where means do."""
+    n = data.sizes["frame"]
+    return sorted({n // 2, n - 1}) if data.attrs.get("motion") == "dynamic" and n > 1 else []
+
+
+def over_line(data, title, components=None, frames=None, limits=None):
+    """Figure of a line grid: both sides at some frames, by default the first, the middle and the last, one row for each
+    component, by default the displacement and the stress that vary most over time. limits : largest |value| of each
+    row; default: that of all frames"""
 
     place = points_of_grid(data, data["md_density"].isel(frame=0))
+    if place.kind != "line":
+        raise AtcError(f"a picture along a line needs a line grid, this is one of kind {place.kind}")
     s, text = place.abscissa(0)
     n = data.sizes["frame"]
-    frames = sorted({0, n // 2, n - 1})
+    frames = sorted({0, n // 2, n - 1}) if frames is None else frames
     components = components or [_varying(data, "displacement"), _varying(data, "stress")]
+    limits = limits or [_largest(data, name, index)[0] for name, index, _ in components]
     fig, axs = figure(len(frames) * len(components), 4.2, 2.9, columns=len(frames))
-    for row, (name, index, label) in zip(np.reshape(axs, (-1, len(frames))), components):
+    rows = np.reshape(axs, (-1, len(frames)))
+    for row, (name, index, label), top in zip(rows, components, limits):
         units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
         for ax, k in zip(row, frames):
             inside = _matter(data)[k]
@@ -48,11 +65,56 @@ def over_line(data, title, components=None):
                 ax.plot(s, v, style, label=side.upper(), lw=1.0, ms=3)
             ax.set_xlabel(text)
             ax.set_ylabel(label + (f" ({units})" if units else ""))
-            ax.set_title(f"frame {k + 1} of {n}")
+            ax.set_ylim(-1.06 * top, 1.06 * top)
+            ax.set_title(_moment(data, k))
             ax.spines[["top", "right"]].set_visible(False)
         row[0].legend()
-    titled(fig, title.split(": means of")[0])
+    titled(fig, title)
     return fig
+
+
+def at_nodes(data):
+    """Figure of a plane wave at the nodes: the displacement that varies most, of the run (smoothed once), the twin and
+    the classical wave equation, at the first, the middle and the last frame; None where the dataset has no classical
+    waves, or the displacement does not vary along one axis."""
+    from .drawing import figure
+    from .geometry import unit_text
+
+    if "classical_node_displacement" not in data:
+        return None
+    sides = {s: data[f"{s}_node_displacement"].values for s in ("md", "pd", "classical")}
+    c = int(np.argmax(sides["md"].var(axis=(0, 1))))
+    X, u = data["node_position"].values, sides["md"][0, :, c]
+    mean = lambda v, group: np.bincount(group, v) / np.bincount(group)  # noqa: E731
+    found = []
+    for axis in range(3):
+        places, group = np.unique(np.round(X[:, axis], 4), return_inverse=True)
+        found.append((float(((u - mean(u, group)[group]) ** 2).mean()), axis, places, group))
+    rest, axis, places, group = min(found, key=lambda f: f[0])
+    if not rest < 1e-2 * u.var() or len(places) < 4:
+        return None
+    n = data.sizes["frame"]
+    frames = sorted({0, n // 2, n - 1})
+    fig, axs = figure(len(frames), 4.2, 2.9, columns=len(frames))
+    units = data["md_node_displacement"].attrs.get("units", "")
+    for ax, k in zip(axs, frames):
+        for side, style, name in (("md", "k.-", "MD"), ("pd", "C3-", "PD"), ("classical", "C0--", "classical")):
+            ax.plot(places, mean(sides[side][k, :, c], group), style, label=name, lw=1.0, ms=3)
+        ax.set(xlabel=f"{'xyz'[axis]} ({unit_text(units)})", ylabel=f"u_{'xyz'[c]} ({unit_text(units)})")
+        ax.set_title(_moment(data, k))
+        ax.spines[["top", "right"]].set_visible(False)
+    axs[0].legend()
+    return fig
+
+
+def _moment(data, k) -> str:
+    """Which frame, and when."""
+    from .geometry import unit_text
+
+    text = f"frame {k + 1} of {data.sizes['frame']}" if data.sizes["frame"] > 1 else ""
+    if "time" in data.coords and np.isfinite(t := float(data["time"].values[k])):
+        text += f"{', ' if text else ''}t = {t:.4g} {unit_text(str(data['time'].attrs.get('units', '')))}".rstrip()
+    return text
 
 
 def _varying(data, name):
@@ -73,12 +135,12 @@ def _kind(data) -> str:
 def movie(data, path, title, components=None, rate: float = 5.0) -> Path:
     """The same frame by frame as a movie (.gif, .mp4), `rate` frames a second, with the same colours in all of them."""
 
+    frames = range(data.sizes["frame"])
+    if _kind(data) == "line":
+        return write_movie(path, (over_line(data, title, components, [k]) for k in frames), rate)
     components = components or components_of(data)
     limits = [_largest(data, name, index) for name, index, _ in components]
-    figures = (
-        drawn(data.isel(frame=[k]), f"{title}, frame {k + 1}", components, limits) for k in range(data.sizes["frame"])
-    )
-    return write_movie(path, figures, rate)
+    return write_movie(path, (drawn(data, title, components, limits, [k]) for k in frames), rate)
 
 
 def _largest(data, name, index) -> tuple[float, float]:
@@ -92,9 +154,9 @@ def _largest(data, name, index) -> tuple[float, float]:
     return out[0], out[1]
 
 
-def drawn(data, title, components=None, limits=None):
+def drawn(data, title, components=None, limits=None, frames=()):
     """The figure of `picture`. limits : of the colours, (both sides, difference) of each component; default: their
-    own."""
+    own. frames : those to draw, one row for each and each component; none: the means over all"""
 
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
@@ -103,23 +165,32 @@ def drawn(data, title, components=None, limits=None):
     selection, where = {}, ""
     if place.kind == "volume":
         place, selection, where = cut(place)
-    fig, axs = figure(3 * len(components), 4.2, 3.7, columns=3)
-    rows, limits = np.reshape(axs, (-1, 3)), limits or [None] * len(components)
-    for row, (name, index, label), bound in zip(rows, components, limits):
+    moments = [(data.isel(frame=[k]), _moment(data, k)) for k in frames] or [(data, "")]
+    fig, axs = figure(3 * len(components) * len(moments), 4.2, 3.7, columns=3)
+    limits = limits or [None] * len(components)
+    rows = [(c, bound, m) for c, bound in zip(components, limits) for m in moments]
+    for row, ((name, index, label), bound, (ds, when)) in zip(np.reshape(axs, (-1, 3)), rows):
         values = []
         for side in ("md", "pd"):
-            v = data[f"{side}_{name}"].mean("frame").isel(selection).values[(..., *index)]
-            density = data[f"{side}_density"].mean("frame").isel(selection).values
+            v = ds[f"{side}_{name}"].mean("frame").isel(selection).values[(..., *index)]
+            density = ds[f"{side}_density"].mean("frame").isel(selection).values
             values.append(np.where(density >= 0.5 * float(data["bulk_density"]), v, np.nan))
         values.append(values[1] - values[0])
         units = data[f"md_{name}"].attrs.get("units")
         both = np.abs(np.stack(values[:2]))
         top = bound[0] if bound else np.nanmax(both) if np.isfinite(both).any() else 1.0
         for ax, v, side in zip(row, values, ("MD", "PD", "PD - MD")):
-            span = (-top, top) if side != "PD - MD" else (-bound[1], bound[1]) if bound else None
-            draw = colours("", "xx", v, span, False)
+            if side == "PD - MD":
+                draw = colours("", "xx", v, (-bound[1], bound[1]) if bound else None, False)
+            elif name == "damage":  # from 0 on
+                draw = colours("", None, v, (0.0, top or 1.0), False)
+            else:
+                draw = colours("", "xx", v, (-top, top), False)
             draw_map(fig, ax, place, place.flat(), v, *draw, with_unit(f"{side}, {label}", units))
-    titled(fig, "; ".join(t for t in (title, where) if t))
+            if len(moments) > 1:
+                ax.set_title(f"{ax.get_title()}, {when}")
+    only = moments[0][1] if len(moments) == 1 else ""
+    titled(fig, "; ".join(t for t in (title, only, where) if t))
     return fig
 
 
@@ -178,7 +249,8 @@ def histories(data):
     t, text = np.arange(data.sizes["frame"]), "frame"
     if "time" in data.coords and np.isfinite(data["time"].values).all():
         t, text = data["time"].values, with_unit("time", str(data["time"].attrs.get("units", "")))
-    shown = [h for h in _HISTORIES if f"md_{h[0]}" in data and f"pd_{h[0]}" in data]
+    flat = "md_displacement" in data and data["md_displacement"].sizes.get("i", 3) == 2
+    shown = [h for h in _HISTORIES if f"md_{h[0]}" in data and f"pd_{h[0]}" in data and not (flat and h[1] == (2, 2))]
     fig, axs = figure(len(shown), 3.9, 2.8)
     for ax, (name, index, label) in zip(axs, shown):
         for side, style in (("md", "k.-"), ("pd", "C3-")):

@@ -83,7 +83,7 @@ def body_of(
     if not inside.any():
         raise AtcError(
             f"{reference.source}: nowhere does the smoothed density reach half of the crystal's: is this the crystal's "
-            "potential and lattice constant?"
+            "potential and lattice constant, and does [kernel] radius reach over several atoms?"
         )
     X = X[inside]
     offsets = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
@@ -95,17 +95,19 @@ def body_of(
     rho = float(reference.masses.sum() / V.sum())
     if not 0.9 < rho / bulk < 1.1:
         warnings.warn(
-            f"{reference.source}: the nodes fill {V.sum():.4g} internal units of volume, so that with the atoms' mass "
-            f"their density is {rho / bulk:.3g} of the crystal's: take a smaller spacing or kernel radius",
+            f"{reference.source}: with the mass of the atoms the density of the nodes is {rho / bulk:.3g} of the "
+            "crystal's: take a smaller spacing or kernel radius",
             AtcWarning,
             stacklevel=3,
         )
     edge = np.linalg.norm(step, axis=1)[:d].max()
     horizon = spacings * edge if horizon is None else horizon
     if horizon < 1.5 * edge:
+        u = reference.units
+        horizon, edge = (f"{u.to_user('length', v):.5g} {u.label('length')}" for v in (horizon, edge))
         raise AtcError(
-            f"a horizon of {horizon:g} (internal units) is less than 1.5 times the distance of nodes, {edge:g}: take a "
-            "larger horizon or a smaller spacing"
+            f"[twin] horizon: {horizon} is less than 1.5 times the distance of nodes, {edge}: take a larger horizon or "
+            "a smaller spacing"
         )
     plane = {"dimension": 2, "plane": "strain"} if d == 2 else {}
     body = pd.Body(X, V, rho, horizon, cell=cell, spacing=volume ** (1 / d), notches=notches, **plane)

@@ -102,44 +102,59 @@ def without_cohesion(data, sides, units, per_mass) -> None:
     data["difference_energy"].values[:] = data["pd_energy"].values - data["md_energy"].values
 
 
-def norms(data, names, bulk, deep=1.0) -> list[dict]:
-    """Of every field: rms difference of the time averages, relative to the rms of the MD's, where both have at least
-    half of the bulk's density (``matter``), where both have 95 % of it (``interior``), and where no surface is felt
-    (``deep``, see `away_from_surfaces`); beside it the MD's standard error.
+def norms(data, names, bulk, deep=1.0, each_frame=False) -> list[dict]:
+    """Of every field: rms difference of both sides, relative to the rms of the MD's, where both have at least half of
+    the bulk's density (``matter``), where both have 95 % of it (``interior``), and where no surface is felt (``deep``,
+    see `away_from_surfaces`).
+
+    Of the time averages, with the MD's standard error beside it; or, `each_frame`, of every frame with its own, where
+    frames differ because things move, and the spread of one run's frames is no error of anything. Frames in which a
+    side has nothing at a point (a crack has opened) are left out there on both.
 
     A field that vanishes in the MD has relative norms that are not numbers.
     """
     rho_md, rho_pd = (data[f"{s}_density"].mean("frame").values for s in ("md", "pd"))
     least = np.fmin(rho_md, rho_pd) / bulk
     rows = []
-    n = data.sizes["frame"]
     for name in names:
         if name == "density":
             continue
         md, pd = (data[f"{s}_{name}"].values for s in ("md", "pd"))
         for where, inside in (("matter", least >= 0.5), ("interior", least >= 0.95), ("deep", least * deep >= 0.95)):
-            if not inside.any():
-                continue
             a, b = md[:, inside], pd[:, inside]
-            rms = lambda v: float(np.sqrt(np.mean(v**2)))  # noqa: E731
-            size, off = rms(a.mean(0)), rms(b.mean(0) - a.mean(0))
+            known = np.isfinite(a) & np.isfinite(b)
+            if not known.any():
+                continue
+            n = np.where(known.any(axis=0), known.sum(axis=0), np.nan)
+            a, b = np.where(known, a, 0.0), np.where(known, b, 0.0)
+            error = np.nan
+            if not each_frame:
+                mean = a.sum(axis=0) / n
+                spread = (np.where(known, a - mean, 0.0) ** 2).sum(axis=0)
+                if (n > 1).any():
+                    error = float(np.sqrt(np.mean(spread[n > 1] / ((n - 1) * n)[n > 1])))
+                a, b = mean, b.sum(axis=0) / n
+                known = np.isfinite(n)
+            rms = lambda v: float(np.sqrt(np.mean(v[known] ** 2)))  # noqa: B023, E731
+            size, off = rms(a), rms(b - a)
             rows.append(
                 {
                     "field": name,
                     "where": where,
                     "points": int(inside.sum()),
                     "md_rms": size,
-                    "pd_rms": rms(b.mean(0)),
+                    "pd_rms": rms(b),
                     "difference_rms": off,
                     "relative": off / size if size > 0 else np.nan,
-                    "md_standard_error": rms(a.std(0, ddof=1) / np.sqrt(n)) if n > 1 else np.nan,
+                    "md_standard_error": error,
                 }
             )
     return rows
 
 
-def add_norms(data, rows) -> None:
+def add_norms(data, rows, each_frame) -> None:
     """The norms into the dataset, as norm_* over fields and regions."""
+    data.attrs["norms"] = "of every frame with its own" if each_frame else "of the means over the frames"
     fields, places = (list(dict.fromkeys(r[k] for r in rows)) for k in ("field", "where"))
     data.coords["norm_field"], data.coords["norm_where"] = fields, places
     for key in ("points", "md_rms", "pd_rms", "difference_rms", "relative", "md_standard_error"):

@@ -3,9 +3,11 @@ held."""
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
-from ..errors import AtcError
+from ..errors import AtcError, AtcWarning
 from ..frame import Cell
 from ..readers.trajectory import Over
 
@@ -78,6 +80,27 @@ def gripped(twin_body, reference, boxes, types) -> np.ndarray:
             raise AtcError(f"no node of the twin is made of atoms of type {t}: check grip_types")
         held |= inside
     return held
+
+
+def require_moved(frames, reference, made, held) -> None:
+    """Warn about atoms that stand still in all frames while others move, if nothing holds the nodes made of them:
+    LAMMPS holds whom no fix integrates, and no command says so."""
+    if len(frames) < 2 or any(f.velocities is None for f in frames):
+        return
+    still = np.ones(len(reference), bool)
+    for f in frames:
+        still &= (f.velocities == 0).all(axis=1) & (f.positions == frames[0].positions).all(axis=1)
+    if still.all() or not still.any():
+        return
+    free = (made.smoothing.share(still) >= 0.5) & ~held.any(axis=1)
+    if free.any():
+        warnings.warn(
+            f"{frames[0].source}: {int(still.sum())} atoms stand still in all frames while others move, and "
+            f"{int(free.sum())} nodes made of them are free: if the run held them (no fix integrates them), name them "
+            "by grips or grip_types in [twin]",
+            AtcWarning,
+            stacklevel=3,
+        )
 
 
 def history(times, values):

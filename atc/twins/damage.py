@@ -6,6 +6,7 @@ import numpy as np
 
 from ..estimators.tensors import quotient
 from ..neighbors.cell_list import neighbor_list
+from .same_crystal import shells
 from .smoothing import Smoothing
 
 
@@ -19,11 +20,8 @@ class NearestBonds:
     """
 
     def __init__(self, reference, crystal, notches=()):
-        block, _ = crystal.supercell((4, 4, 1) if crystal.dimension == 2 else (3, 3, 3))
-        _, _, r, _ = neighbor_list(block.positions, block.cell, 2.0 * crystal.volume ** (1 / crystal.dimension))
-        d = np.sort(np.linalg.norm(r, axis=1))
-        second = d[np.searchsorted(d, 1.02 * d[0])]
-        self.longest = 0.5 * (d[0] + second)
+        first, second, _ = shells(crystal)
+        self.longest = 0.5 * (first + second)
         self.i, self.j, self.r_bc, self.image = neighbor_list(reference.positions, reference.cell, self.longest)
         self.reference = reference
         self.cut = np.zeros(len(self.i), bool)

@@ -54,6 +54,19 @@ def add_nodes(data, units, made, md_tnc, pd_tnc, classical_tnc=None) -> None:
             )
 
 
+def nodes_line(data) -> str:
+    """How far the twin and the classical equation are from the run at the nodes, for a person: rms over nodes and the
+    frames behind the first, in which all are the same."""
+    md, pd, classical = (data[f"{s}_node_displacement"].values[1:] for s in ("md", "pd", "classical"))
+    rms = lambda v: float(np.sqrt(np.mean(v**2)))  # noqa: E731
+    size = rms(md)
+    off = lambda v: f"{100 * rms(v - md) / size:.3g} %" if size > 0 else f"{rms(v - md):.3g}"  # noqa: E731
+    return (
+        f"at the nodes: displacement of the twin {off(pd)} of the MD's off (rms, frames behind the first), by the "
+        f"classical wave equation {off(classical)}"
+    )
+
+
 def classical_of(made, material, reference, frames, times, u_nc, acted: bool):
     """The classical waves from the run's first frame, or None where the body is not one whole periodic lattice that
     nothing holds or pushes."""

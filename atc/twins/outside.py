@@ -80,12 +80,13 @@ class NodeForce:
         return 0.0
 
 
-def from_script(pot, reference, made, indenter=None) -> FromScript:
+def from_script(pot, reference, made, indenter=None, gripped=False) -> FromScript:
     """What the script of a potential does to the atoms of a reference, and what stands for it in a `TwinBody`.
 
     Parameters
     ----------
     pot : Potential. indenter : (centre, velocity, radius, stiffness per atom), internal units, or None
+    gripped : whether the scene names nodes that are held. They stand for groups whose atoms the script does not tell
 
     Notes
     -----
@@ -101,7 +102,19 @@ def from_script(pot, reference, made, indenter=None) -> FromScript:
     acting = getattr(pot, "acting", None)
     laws = acting.laws if acting is not None else ()
     moved = tuple(getattr(pot, "moved", ()))
-    frame = _with_groups(pot, reference, moved) if (moved or laws) and pot.setup is not None else reference
+    frame = reference
+    if (moved or laws) and pot.setup is not None:
+        try:
+            frame = _with_groups(pot, reference, moved)
+        except AtcError as e:
+            names = _held_groups(moved, laws)
+            if not gripped or names is None:
+                raise AtcError(
+                    f"[twin] cannot tell whom the script holds or pushes: {e}"
+                    + ("" if names is None else "; name who is held by grips or grip_types in [twin]")
+                ) from None
+            lines.append(f"held or moved by {', '.join(names)}: the nodes of grips, as the script does not tell whom")
+            moved, laws = (), [law for law in laws if _left_out(law)]
     carried = None
 
     def add(law, inside):
@@ -130,14 +143,15 @@ def from_script(pot, reference, made, indenter=None) -> FromScript:
         bit = frame.groups >> (len(pot.setup.groups) + k) if name != "all" else np.ones(len(frame), np.int64)
         hold((bit & 1) == 1, np.ones(3, bool), "fix move", name)
     for law in laws:
-        inside = law.group.inside(frame, law.where)
         what = f"fix {law.name}"
+        if _left_out(law):
+            left.append(what)
+            continue
+        inside = law.group.inside(frame, law.where)
         if isinstance(law, Put):
             hold(inside, np.array([v is not None for v in law.values]), what, law.group.name)
-        elif isinstance(law, Along) and (free := _free_axes(law)) is not None:
-            hold(inside, ~free, what, law.group.name)
-        elif isinstance(law, Friction | Along) or (isinstance(law, Constant) and law.per == "charges"):
-            left.append(what)
+        elif isinstance(law, Along):
+            hold(inside, ~_free_axes(law), what, law.group.name)
         else:
             lines.append(f"{what} of group {law.group.name}: the same force on {add(law, inside)}")
     left += [
@@ -192,8 +206,20 @@ def add_indenters(data, units, md_tc, pd_tc) -> list[str]:
 
 def _with_groups(pot, reference, names):
     """The reference with who is in which group of the script; those of `names` behind those that it needs anyway."""
-    setup = replace(pot.setup, groups=(*pot.setup.groups, *names), if_known=frozenset())
-    try:
-        return setup.complete(reference)
-    except AtcError as e:
-        raise AtcError(f"{e}: [twin] cannot tell whom the script holds: name them by grips or grip_types") from None
+    return replace(pot.setup, groups=(*pot.setup.groups, *names), if_known=frozenset()).complete(reference)
+
+
+def _left_out(law) -> bool:
+    """What nodes have nothing for: friction, directions askew to the axes, forces on charges."""
+    if isinstance(law, Along):
+        return _free_axes(law) is None
+    return isinstance(law, Friction) or (isinstance(law, Constant) and law.per == "charges")
+
+
+def _held_groups(moved, laws) -> list[str] | None:
+    """["fix move of group left", ...] where the script does nothing to atoms but hold or move them; None where it
+    pushes some, too."""
+    laws = [law for law in laws if not _left_out(law)]
+    if not all(isinstance(law, Put | Along) for law in laws):
+        return None
+    return [*(f"fix move of group {g}" for g in moved), *(f"fix {law.name} of group {law.group.name}" for law in laws)]

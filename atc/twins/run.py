@@ -39,13 +39,15 @@ from .conditions import (
     deform,
     gripped,
     history,
+    require_moved,
     smoothed_displacement,
 )
 from .crack import add_crack, crack_lines, crack_of, notches_of, require_crossed
 from .damage import NearestBonds, add_damage, on_grid
 from .linear import kept_place
-from .nodes import add_nodes, classical_of
+from .nodes import add_nodes, classical_of, nodes_line
 from .outside import add_indenters, from_script, indenters
+from .same_crystal import require_same_crystal
 
 #: Steps in parts of the stable one: those of velocity Verlet put the phase of a wave (ω dt)²/24 ahead.
 SAFETY = 0.7
@@ -81,25 +83,24 @@ class Twin:
 
         ds = self.dataset
         table = Table(box=None, padding=(0, 2, 0, 0))
-        for head in ("field", "where", "points", "MD rms", "PD rms", "PD - MD rms", "relative", "MD std. error"):
+        noise = any(np.isfinite(r["md_standard_error"]) for r in self.rows)
+        keys = ["md_rms", "pd_rms", "difference_rms", "relative", *(["md_standard_error"] if noise else [])]
+        heads = ["MD rms", "PD rms", "PD - MD rms", "relative", *(["MD std. error"] if noise else [])]
+        for head in ("field", "where", "points", *heads):
             table.add_column(head, justify="left" if head in ("field", "where") else "right")
         for r in self.rows:
             units = ds[f"md_{r['field']}"].attrs.get("units", "")
-            numbers = [f"{r[k]:.4g}" for k in ("md_rms", "pd_rms", "difference_rms", "relative", "md_standard_error")]
-            table.add_row(f"{r['field']} ({units})", r["where"], str(r["points"]), *numbers)
+            table.add_row(f"{r['field']} ({units})", r["where"], str(r["points"]), *(f"{r[k]:.4g}" for k in keys))
         console.print(table)
+        console.print(f"(rms over points and components, {ds.attrs['norms']})")
         if "md_box_stress" in ds:
             md, pd = (ds[f"{s}_box_stress"].mean("frame").values for s in ("md", "pd"))
-            for c, i in zip("xyz", range(3)):
+            for c, i in zip("xyz", range(self.body.body.dimension)):
                 console.print(
                     f"mean stress of the box, {c}{c}: MD {md[i, i]:.5g}, PD {pd[i, i]:.5g} "
                     f"{ds['md_box_stress'].attrs.get('units', '')}"
                 )
-        c = self.cost
-        console.print(
-            f"the twin's run: {c['nodes']} nodes, {c['steps']} steps, {c['seconds']:.3g} CPU seconds; its material "
-            f"before that {c['material']:.3g}"
-        )
+        console.print(f"the twin's run: {cost_line(self.cost)}")
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
@@ -164,6 +165,8 @@ def _twin(scene, tell, progress) -> Twin:
     law = copy(pot)
     law.setup = None
     crystal = _crystal(scene, get, reference, law, u)
+    axes, turned = orientation(scene), get("material", "isotropic") != "isotropic"
+    require_same_crystal(reference, crystal, axes, get("structure"), scene.where("twin", "structure"), turned)
     spacing = length * get("spacing") if get("spacing") else u.to_internal("length", crystal.lattice_constant)
     horizon = length * get("horizon") if get("horizon") else None
     axes = orientation(scene, reference.dimension)
@@ -197,10 +200,12 @@ def _twin(scene, tell, progress) -> Twin:
     if motion == "dynamic" or get("indenter_velocity") is not None:
         times = clock(frames, step and u.to_internal("time", step))
     boxes = [np.array(b, float) * length for b in get("grips", [])]
-    script = from_script(pot, reference, made, _indenter(scene, get, u))
-    held = np.repeat(gripped(made, reference, boxes, get("grip_types", []))[:, None], 3, axis=1)
+    grips = gripped(made, reference, boxes, get("grip_types", []))
+    script = from_script(pot, reference, made, _indenter(scene, get, u), bool(grips.any()))
+    held = np.repeat(grips[:, None], 3, axis=1)
     for c in range(3) if script.held_nc.any() else ():
         held[:, c] |= made.smoothing.share(script.held_nc[:, c]) >= 0.5
+    require_moved(frames, reference, made, held)
     conditions = _grips(held, frames, reference, made, times)
     sim = _start(frames[0], reference, made, material, conditions, script.forces, motion)
     lines = _lines(
@@ -287,8 +292,13 @@ def _twin(scene, tell, progress) -> Twin:
     acted = bool(held.any() or script.forces or motion == "static")
     waves = classical_of(made, material, reference, frames, times, md_nodes[0], acted)
     add_nodes(data, u, made, md_nodes, pd_nodes, waves)
-    rows = norms(data, names, bulk, deep)
-    add_norms(data, rows)
+    if waves is not None:
+        lines.append(nodes_line(data))
+        if tell is not None:
+            tell(lines[-1])
+    each_frame = motion == "dynamic" and len(frames) > 1
+    rows = norms(data, names, bulk, deep, each_frame)
+    add_norms(data, rows, each_frame)
     add_constants(data, u, material)
     data["bulk_density"] = ((), bulk, {"units": u.label("density"), "long_name": "density of the crystal at rest"})
     data.attrs.update(
@@ -300,9 +310,19 @@ def _twin(scene, tell, progress) -> Twin:
         scene=scene.to_toml(),
         bulk_density=bulk,
         nodes=len(made.body),
+        motion=motion,
+        cost=cost_line(cost),
         **{f"{r['field']}_{r['where']}_{k}": r[k] for r in rows for k in ("difference_rms", "relative")},
     )
     return Twin(data, rows, lines, made, material, sim, scene.name, cost)
+
+
+def cost_line(c: dict) -> str:
+    """What a twin cost, for a person."""
+    return (
+        f"{c['nodes']} nodes, {c['steps']} steps, {c['seconds']:.3g} CPU seconds; its material before that "
+        f"{c['material']:.3g}"
+    )
 
 
 def _inputs(scene) -> dict:
@@ -331,6 +351,7 @@ def _inputs(scene) -> dict:
         )
     reference = scene.reference()
     reference = traj[0] if reference is None else planar(reference) if d == 2 else reference
+    reference = pot.complete(reference)
     reference.require("masses", why="the body of a twin")
     grid.require_dimension(d)
     kern = scene.kernel().in_dimension(d)

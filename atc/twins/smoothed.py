@@ -291,8 +291,10 @@ def basis_of(reference, crystal) -> np.ndarray:
         found = np.argmin(off, axis=1), np.percentile(off.min(axis=1), 90)
         best = found if best is None or found[1] < best[1] else best
     if best[1] > 0.5:
+        u = reference.units
+        off = f"{u.to_user('length', best[1]):.2g} {u.label('length')}"
         raise AtcError(
             f"{reference.source}: its atoms are not at the places of {crystal.name} (a tenth of them is more than "
-            f"{best[1]:.2g} off, internal units): smoothed needs a reference that is this crystal, see orient"
+            f"{off} off): smoothed needs a reference that is this crystal, see orient"
         )
     return best[0]

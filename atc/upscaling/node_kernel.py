@@ -86,10 +86,9 @@ def node_kernel(fc: ForceConstants, elastic: ElasticConstants, step_cc, horizon:
     made = NodeKernel(step, np.vstack([offsets, -offsets]), np.concatenate([x, x]), mass, volume)
     measure(made, fc, elastic, 2 * np.pi * np.linalg.inv(step).T)
     if not made.least > 0.0:
-        raise AtcError(
-            f"no stable kernel was found for nodes {np.linalg.norm(step, axis=1).max():.4g} apart (internal units): "
-            "take another horizon in [twin]"
-        )
+        u = fc.crystal.units
+        apart = f"{u.to_user('length', np.linalg.norm(step, axis=1).max()):.4g} {u.label('length')}"
+        raise AtcError(f"no stable kernel was found for nodes {apart} apart: take another horizon in [twin]")
     return made
 
 

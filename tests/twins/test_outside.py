@@ -126,3 +126,26 @@ def test_the_force_on_the_indenter(run):
     F = np.zeros_like(sim.positions_nc)
     sim.rigid[0].add(0.0, sim._z, F)
     assert F.sum(axis=0) == pytest.approx(-pd[-1], rel=1e-9, abs=1e-12)
+
+
+def test_whom_the_script_does_not_tell(run, tmp_path):
+    """Atoms that create_atoms makes, in groups by region: masses come from the script; who is held is asked for, and
+    given by grips."""
+    words = SCRIPT.replace("read_data slab.data", "lattice fcc 5.27\nregion box block 0 3 0 3 0 3\ncreate_box 1 box\n"
+                           "create_atoms 1 box\nmass 1 39.948")  # fmt: skip
+    lines = [line for line in words.splitlines() if "fix push" not in line]
+    (tmp_path / "in.made").write_text("\n".join(lines) + "\nrun 100\n")
+    given = scene(run, motion="static")
+    given["trajectory"].pop("masses")
+    given["potential"] = {"input": str(tmp_path / "in.made")}
+    with pytest.raises(
+        atc.AtcError, match=r"places are not known; name who is held by grips or grip_types in \[twin\]"
+    ):
+        atc.twin(given)
+    given["twin"]["grips"] = [[[-9, -9, -9], [99, 99, 3.3]]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", atc.AtcWarning)
+        found = atc.twin(given)
+    text = "\n".join(found.lines)
+    assert "held or moved by fix move of group side, fix setforce of group low: the nodes of grips" in text
+    assert "nodes are held at the smoothed displacement" in text
