@@ -14,9 +14,8 @@ import numpy as np
 from ...errors import AtcError
 from ...units import units as system
 from ..table_file import read_table, same_units
-from .dihedral import _MIRROR
+from .dihedral import _MIRROR, CurveTorsion
 from .dihedral_chain import Chain, CoupledTorsion
-from .dihedral_curves import CurveTorsion
 from .table import table_options
 from .topology import register_bonded
 
@@ -170,7 +169,7 @@ class TableTorsion(_Tabulated, CurveTorsion):
         way = _way(inp)
         return cls(_sections(inp, 0, "")[0], **way)
 
-    def curve(self, cos, sin, types):
+    def curve(self, cos, sin, types, acc):
         return self._lookup(cos, sin, types)
 
 

@@ -11,8 +11,7 @@ from ...errors import AtcError
 from ..lepton import LeptonFormula
 from .angle import AngleStyle
 from .bond import BondStyle
-from .dihedral import _MIRROR
-from .dihedral_curves import CurveTorsion
+from .dihedral import _MIRROR, CurveTorsion
 from .topology import MirrorError, register_bonded
 
 #: how far from even in φ a torsion's formula may be, relative to the range of its values
@@ -132,7 +131,7 @@ class LeptonTorsion(_Formulas, CurveTorsion):
                 raise MirrorError(f"its formula is not the same for phi and -phi: {_MIRROR}")
         return reference, formula
 
-    def curve(self, cos, sin, types):
+    def curve(self, cos, sin, types, acc):
         phi = np.arctan2(sin, cos)
         U, _ = self.values(phi, types, 1.0)
         inside = np.clip(phi, _PLANE, np.pi - _PLANE)
