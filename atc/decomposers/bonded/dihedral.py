@@ -22,7 +22,7 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..base import Accumulator
 from .cluster import first_not_finite
-from .topology import MirrorError, RowTerm, SharedTerm, energy, plain, register_bonded
+from .topology import MirrorError, RowTerm, SharedTerm, energy, plain
 from .topology import whole as _whole
 
 #: sin θ below which the collinear continuation holds
@@ -221,10 +221,6 @@ class FourierTorsion(RowTerm, Torsion):
             a[0] += K
             a[n] += K * sign
         return a
-
-
-register_bonded(HarmonicTorsion, CharmmTorsion, CharmmFSWTorsion, OPLSTorsion, MultiHarmonicTorsion)
-register_bonded(NHarmonicTorsion, FourierTorsion)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -8,7 +8,7 @@ import numpy as np
 from .angle_curves import restricted, shift_exp
 from .dihedral import CurveTorsion, Torsion, sign_of, sign_of_phase
 from .improper import HarmonicImproper
-from .topology import MirrorError, degrees, energy, plain, register_bonded
+from .topology import MirrorError, degrees, energy, plain
 
 
 class QuadraticTorsion(HarmonicImproper):
@@ -85,6 +85,3 @@ class RestrictedTorsion(CurveTorsion):
     def curve(self, cos, sin, types, acc):
         K, phi0 = self.table[types].T
         return restricted(cos, sin, K, np.cos(phi0))
-
-
-register_bonded(QuadraticTorsion, HelixTorsion, CosineShiftExpTorsion, RestrictedTorsion)

@@ -17,7 +17,6 @@ from ..table_file import read_table, same_units
 from .dihedral import _MIRROR, CurveTorsion
 from .dihedral_chain import Chain, CoupledTorsion
 from .table import table_options
-from .topology import register_bonded
 
 #: how far from even a table may be, relative to the range of its values
 _EVEN = 1e-10
@@ -241,6 +240,3 @@ def _sections(inp, lead: int, what: str):
         for (t,) in line.covers(inp.n_types):
             sections[t], fronts[t] = read[key], (line.words[:lead], line)
     return sections, fronts
-
-
-register_bonded(TableTorsion, TableCutTorsion)

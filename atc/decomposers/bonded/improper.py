@@ -18,7 +18,7 @@ import numpy as np
 
 from ..base import Accumulator
 from .dihedral import CurveTorsion, HarmonicTorsion
-from .topology import degrees, energy, register_bonded
+from .topology import degrees, energy
 
 # LAMMPS's SMALL: the least sin χ that is divided by at a kink.
 _SMALL = 0.001
@@ -56,6 +56,3 @@ class CvffImproper(HarmonicTorsion):
 
     kind = "improper"
     name = "cvff"
-
-
-register_bonded(HarmonicImproper, CvffImproper)

@@ -12,7 +12,7 @@ from ..lepton import LeptonFormula
 from .angle import AngleStyle
 from .bond import BondStyle
 from .dihedral import _MIRROR, CurveTorsion
-from .topology import MirrorError, register_bonded
+from .topology import MirrorError
 
 #: how far from even in φ a torsion's formula may be, relative to the range of its values
 _EVEN = 1e-10
@@ -137,6 +137,3 @@ class LeptonTorsion(_Formulas, CurveTorsion):
         inside = np.clip(phi, _PLANE, np.pi - _PLANE)
         _, slope = self.values(inside, types, 1.0)
         return U, -slope / np.sin(inside)
-
-
-register_bonded(LeptonBond, LeptonAngle, LeptonTorsion)
