@@ -173,28 +173,22 @@ def potential(
     AtcError that names the file and line: unsupported style, wrong or missing coefficients, unknown units, missing
     file.
     """
+    pot = _made(source, units, special_bonds, folder, name, run, trajectory, openmm)
+    if alpha is not None:
+        from .long_range.kspace import with_alpha
+
+        pot = with_alpha(pot, alpha)
+    return pot if partition is None else pot.partitioned(partition)
+
+
+def _made(source, units, special_bonds, folder, name, run, trajectory, openmm):
+    """`potential` without what changes it afterwards."""
     from pathlib import Path
 
     from ..errors import AtcError
     from .base import Potential, Term
     from .pairs.pairs import Pairs, PairStyle
 
-    if partition is not None or alpha is not None:
-        pot = potential(
-            source,
-            units,
-            special_bonds=special_bonds,
-            folder=folder,
-            name=name,
-            run=run,
-            trajectory=trajectory,
-            **openmm,
-        )
-        if alpha is not None:
-            from .long_range.kspace import with_alpha
-
-            pot = with_alpha(pot, alpha)
-        return pot if partition is None else pot.partitioned(partition)
     if isinstance(source, Potential):
         return source
     from .openmm import is_openmm, potential_from_openmm

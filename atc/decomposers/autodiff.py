@@ -156,7 +156,8 @@ class Value:
         )
 
 
-_UFUNCS = {n: n for n in UNARY} | {
+_SAME = (*UNARY, "square", "reciprocal", "cbrt", "minimum", "maximum", "arctan2", "hypot")
+_UFUNCS = {n: n for n in _SAME} | {
     "add": "add",
     "subtract": "sub",
     "multiply": "mul",
@@ -168,15 +169,8 @@ _UFUNCS = {n: n for n in UNARY} | {
     "positive": "pos",
     "absolute": "abs",
     "fabs": "abs",
-    "square": "square",
-    "reciprocal": "reciprocal",
-    "cbrt": "cbrt",
-    "minimum": "minimum",
-    "maximum": "maximum",
     "fmin": "minimum",
     "fmax": "maximum",
-    "arctan2": "arctan2",
-    "hypot": "hypot",
     "less": "lt",
     "less_equal": "le",
     "greater": "gt",
@@ -237,48 +231,40 @@ def gradient(tape: Tape, out: Value, n_args: int) -> list[Value]:
             continue
         g = adjoint[k]
         op, *args = tape.nodes[k]
-        me = Value(tape, k)
-        a = [Value(tape, i) for i in args] if op not in ("arg", "const") else []
-        if op == "add":
-            give(args[0], g)
-            give(args[1], g)
-        elif op == "sub":
-            give(args[0], g)
-            give(args[1], -g)
-        elif op == "neg":
-            give(args[0], -g)
-        elif op == "mul":
-            give(args[0], x(g, a[1]))
-            give(args[1], x(g, a[0]))
-        elif op == "div":
-            give(args[0], x(g, 1.0 / a[1]))
-            give(args[1], -x(g, me / a[1]))
-        elif op == "pow":
-            c = a[1].constant
-            if c is not None:
-                give(args[0], x(g, c * a[0] ** (c - 1.0)))
-            else:
-                give(args[0], x(g, a[1] * a[0] ** (a[1] - 1.0)))
-                give(args[1], x(g, me * a[0].log()))
-        elif op == "where":
-            give(args[1], tape.apply("where", a[0], g, 0.0))
-            give(args[2], tape.apply("where", a[0], 0.0, g))
-        elif op in ("minimum", "maximum"):
-            first = tape.apply("le" if op == "minimum" else "ge", a[0], a[1])
-            give(args[0], tape.apply("where", first, g, 0.0))
-            give(args[1], tape.apply("where", first, 0.0, g))
-        elif op == "abs":
-            give(args[0], tape.apply("where", tape.apply("ge", a[0], 0.0), g, -g))
-        elif op == "arctan2":
-            r2 = a[0] * a[0] + a[1] * a[1]
-            give(args[0], x(g, a[1] / r2))
-            give(args[1], -x(g, a[0] / r2))
-        elif op in _SLOPES:
-            give(args[0], x(g, _SLOPES[op](a[0], me)))
+        if op in ("arg", "const"):
+            continue
+        me, a = Value(tape, k), [Value(tape, i) for i in args]
+        if op in _SLOPES:
+            give(args[0], x(g, _SLOPES[op](*a, me)))
+        elif op == "pow" and a[1].constant is not None:
+            give(args[0], x(g, a[1].constant * a[0] ** (a[1].constant - 1.0)))
+        elif op in _SHARES:
+            for i, v in zip(args, _SHARES[op](g, x, me, *a), strict=True):
+                if v is not None:
+                    give(i, v)
     zero = tape.value(0.0)
     return [adjoint.get(tape.known[("arg", k)], zero) for k in range(n_args)]
 
 
+def _either(g, first):
+    """The adjoint of a choice, for the first and the second."""
+    return g.tape.apply("where", first, g, 0.0), g.tape.apply("where", first, 0.0, g)
+
+
+# What of the adjoint g of `me` comes to each of its arguments; x multiplies.
+_SHARES = {
+    "add": lambda g, x, me, a, b: (g, g),
+    "sub": lambda g, x, me, a, b: (g, -g),
+    "neg": lambda g, x, me, a: (-g,),
+    "mul": lambda g, x, me, a, b: (x(g, b), x(g, a)),
+    "div": lambda g, x, me, a, b: (x(g, 1.0 / b), -x(g, me / b)),
+    "pow": lambda g, x, me, a, b: (x(g, b * a ** (b - 1.0)), x(g, me * a.log())),
+    "where": lambda g, x, me, c, a, b: (None, *_either(g, c)),
+    "minimum": lambda g, x, me, a, b: _either(g, g.tape.apply("le", a, b)),
+    "maximum": lambda g, x, me, a, b: _either(g, g.tape.apply("ge", a, b)),
+    "abs": lambda g, x, me, a: (g.tape.apply("where", g.tape.apply("ge", a, 0.0), g, -g),),
+    "arctan2": lambda g, x, me, a, b: (x(g, b / (a * a + b * b)), -x(g, a / (a * a + b * b))),
+}
 _SLOPES = {
     "exp": lambda a, y: y,
     "expm1": lambda a, y: y + 1.0,
@@ -299,6 +285,21 @@ _SLOPES = {
 }
 
 
+_TEXTS = {
+    **{op: f"{{0}} {sign} {{1}}" for op, sign in (_BINARY | COMPARE).items()},
+    **{op: f"math.{op}({{0}})" for op in ERF},
+    "neg": "-{0}",
+    "weigh": "{0} * {1} if {0} != 0.0 else 0.0",
+    "where": "{1} if {0} else {2}",
+    "and": "bool({0}) and bool({1})",
+    "or": "bool({0}) or bool({1})",
+    "not": "not {0}",
+    "minimum": "{0} if {0} <= {1} else {1}",
+    "maximum": "{0} if {0} >= {1} else {1}",
+    "abs": "abs({0})",
+}
+
+
 def source(tape: Tape, out: Value, slopes: list[Value]) -> str:
     """Python for ``f(Q, U, G)``: for every row of Q (terms, arguments) the energy into U and its derivatives into G."""
     used: set[int] = set()
@@ -314,15 +315,7 @@ def source(tape: Tape, out: Value, slopes: list[Value]) -> str:
 
     def name(k):
         op, *args = tape.nodes[k]
-        if op != "const":
-            return f"v{k}"
-        return (
-            repr(args[0])
-            if math.isfinite(args[0])
-            else f"np.{'nan' if args[0] != args[0] else 'inf' if args[0] > 0 else 'NINF'}".replace(
-                "np.NINF", "(-np.inf)"
-            )
-        )
+        return f"({args[0]!r})" if op == "const" else f"v{k}"
 
     for k in sorted(used):
         op, *args = tape.nodes[k]
@@ -336,28 +329,7 @@ def source(tape: Tape, out: Value, slopes: list[Value]) -> str:
             text = f"{name(args[0])} ** ({int(c)})" if c == int(c) and abs(c) <= 64 else f"{name(args[0])} ** ({c!r})"
         else:
             n = [name(a) for a in args]
-            if op in _BINARY or op in COMPARE:
-                text = f"{n[0]} {_BINARY.get(op) or COMPARE[op]} {n[1]}"
-            elif op == "neg":
-                text = f"-{n[0]}"
-            elif op == "weigh":
-                text = f"{n[0]} * {n[1]} if {n[0]} != 0.0 else 0.0"
-            elif op == "where":
-                text = f"{n[1]} if {n[0]} else {n[2]}"
-            elif op in ("and", "or"):
-                text = f"bool({n[0]}) {op} bool({n[1]})"
-            elif op == "not":
-                text = f"not {n[0]}"
-            elif op == "minimum":
-                text = f"{n[0]} if {n[0]} <= {n[1]} else {n[1]}"
-            elif op == "maximum":
-                text = f"{n[0]} if {n[0]} >= {n[1]} else {n[1]}"
-            elif op == "abs":
-                text = f"abs({n[0]})"
-            elif op in ERF:
-                text = f"math.{op}({n[0]})"
-            else:
-                text = f"np.{op}({', '.join(n)})"
+            text = _TEXTS[op].format(*n) if op in _TEXTS else f"np.{op}({', '.join(n)})"
         lines.append(f"        v{k} = {text}")
     lines.append(f"        U[t] = {name(out.index)}")
     lines += [f"        G[t, {k}] = {name(s.index)}" for k, s in enumerate(slopes)]
@@ -368,6 +340,6 @@ def compiled(text: str):
     """The compiled function of a `source`."""
     from ..compiled import njit
 
-    space = {"np": np, "math": math}
+    space = {"np": np, "math": math, "inf": math.inf, "nan": math.nan}
     exec(compile(text, "<energy and gradient>", "exec"), space)
     return njit(nogil=True, error_model="numpy")(space["f"])

@@ -5,7 +5,7 @@ A style registers a *builder* under its LAMMPS name::
     @pair_style("morse")
     def _morse(inp: StyleInput): ...      # returns PairStyle or Term, or a list of them
 
-Bonded styles are the `build` of their classes, see `bonded.topology.register_bonded`.
+Bonded styles are the `build` of their classes, see `bonded.topology.BondedTerm`.
 
 Builders convert to internal units themselves (`StyleInput.number`) and complain with the line's own file and number
 (`StyleInput.error`). They are called again with a larger `n_types` when a frame has more types than the lines name

@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import AtcError
 from ..readers.lammps.sections import number_of, shortened
 from ..readers.whole import whole_text
-from .many_body.parameter_file import units_tag
+from .many_body.parameter_file import units_tag, word_lines
 
 _LARGE = 1e100  # no energy or force of a table is as large
 
@@ -25,7 +25,7 @@ def read_table(path, keyword: str, kind: str, known: dict, columns, where: str =
     """
     at = f"{where}: " if where else ""
     text = whole_text(path, f"{kind} table", where)
-    lines = [(n, w) for n, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
+    lines = word_lines(text)
     start = next((p for p, (_, w) in enumerate(lines) if w[0] == keyword), None)
     if start is None:
         names = [w[0] for _, w in lines if number_of(w[0]) is None and w[0] != "N"]

@@ -13,8 +13,9 @@ from test_decomposers_dihedral import chains
 import atc
 from atc.decomposers import registry
 from atc.decomposers.bonded.topology import SECTIONS
-from atc.decomposers.bonded.unsupported import REASONS, reason
+from atc.decomposers.bonded.unsupported import REASONS
 from atc.decomposers.pairs.hybrid import strip_suffix
+from atc.decomposers.pairs.unsupported import reason
 from atc.errors import AtcError
 
 KINDS = ("bond", "angle", "dihedral", "improper")

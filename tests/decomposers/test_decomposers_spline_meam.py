@@ -175,7 +175,7 @@ def test_damaged_eim(tmp_path):
     text = FIELD.read_text()
     for old, new, message in (
         ("global:", "golbal:", "expected global:, element: or pair:"),
-        ("9.3000e-01", "x", "expected 7 numbers"),
+        ("9.3000e-01", "x", "negativity must be a number"),
         ("pair:  Na  Cl", "pair:  Na  Xx", "no pair: line for Na and Cl"),
         ("UNITS: metal", "UNITS: real", "LAMMPS does not convert EIM"),
     ):

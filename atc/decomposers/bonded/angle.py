@@ -15,7 +15,7 @@ import numpy as np
 from ..base import Accumulator
 from .cluster import first_not_finite
 from .table import Tables, build_tables
-from .topology import Idle, SharedTerm, degrees, energy, length, per_length2, register_bonded
+from .topology import Idle, SharedTerm, degrees, energy, length, per_length2
 
 #: LAMMPS's SMALL: the least sin θ that is divided by.
 SMALL = 0.001
@@ -204,6 +204,3 @@ class TableAngle(AngleStyle):
         # atan2 gives at most π rounded, which is where the table ends.
         U, F = self.tables.lookup(types, a.theta)
         return U, a.over_sine(F)
-
-
-register_bonded(HarmonicAngle, CosineAngle, CosineSquaredAngle, CosineDeltaAngle, CharmmAngle, ZeroAngle, TableAngle)

@@ -8,7 +8,7 @@ of the first atom.
 from __future__ import annotations
 
 from .angle import AngleStyle
-from .topology import CrossTerms, degrees, energy, energy_per_length, length, per_length2, register_bonded
+from .topology import CrossTerms, degrees, energy, energy_per_length, length, per_length2
 
 
 class Class2Angle(CrossTerms, AngleStyle):
@@ -63,6 +63,3 @@ class CrossAngle(AngleStyle):
         a.G_b = (K * z + N1 * x) / a.d_b
         a.G_c = (K * y + N2 * x) / a.d_c
         return K * y * z + stretch * x, -a.over_sine(stretch)
-
-
-register_bonded(Class2Angle, Class2P6Angle, CrossAngle)

@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import AtcWarning
 from .angle import AngleStyle
 from .bond_curves import gaussian_row, log_of_gaussians
-from .topology import RowTerm, degrees, energy, plain, register_bonded, whole
+from .topology import RowTerm, degrees, energy, plain, whole
 
 
 class QuarticAngle(AngleStyle):
@@ -214,7 +214,3 @@ class GaussianAngle(RowTerm, AngleStyle):
     def curve(self, a, kT, *terms):
         U, slope = log_of_gaussians(a.theta, kT, np.stack(terms, axis=1).reshape(len(kT), -1, 3))
         return U, a.over_sine(-slope)
-
-
-register_bonded(QuarticAngle, MM3Angle, FourierAngle, FourierSimpleAngle, CosinePeriodicAngle, RestrictedAngle)
-register_bonded(WormLikeAngle, CosineShiftAngle, CosineShiftExpAngle, GaussianAngle)

@@ -7,7 +7,7 @@ import numpy as np
 from ..base import Accumulator
 from .cluster import first_not_finite
 from .table import Tables, build_tables
-from .topology import BondedTerm, Idle, energy, length, per_length, per_length2, register_bonded
+from .topology import BondedTerm, Idle, energy, length, per_length, per_length2
 
 # LAMMPS stops evaluating the logarithm of FENE here (it warns, and uses this value), which is at 0.949 R0.
 _FENE_CAP = 0.1
@@ -175,6 +175,3 @@ class TableBond(BondStyle):
     def refuse(self, t, d):
         lo, hi = self.tables.range_of(t)
         return f"outside its table, which runs from {lo:.6g} to {hi:.6g}: the table must cover every length that occurs"
-
-
-register_bonded(HarmonicBond, MorseBond, FeneBond, FeneExpandBond, ZeroBond, TableBond)

@@ -5,17 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .bond import BondStyle, FeneBond, overstretched
-from .topology import (
-    RowTerm,
-    energy,
-    length,
-    per_length2,
-    per_length3,
-    per_length4,
-    plain,
-    register_bonded,
-    whole,
-)
+from .topology import RowTerm, energy, length, per_length2, per_length3, per_length4, plain, whole
 
 #: MM3's cubic constant; the quartic one is 7/12 of its square
 _MM3 = 2.55  # 1/Å
@@ -191,7 +181,3 @@ class GaussianBond(RowTerm, BondStyle):
 
     def curve(self, d, kT, *terms):
         return log_of_gaussians(d, kT, np.stack(terms, axis=1).reshape(len(d), -1, 3))
-
-
-register_bonded(Class2Bond, GromosBond, NonlinearBond, HarmonicShiftBond, HarmonicShiftCutBond, MM3Bond, FeneNMBond)
-register_bonded(GaussianBond)

@@ -12,7 +12,7 @@ from ...frame import Frame
 from ..pairs.pairs import ONES, Pairs, PairStyle
 from .bond import BondStyle, lengths
 from .cluster import ClusterWork, first_not_finite
-from .topology import energy, length, per_length4, plain, register_bonded
+from .topology import energy, length, per_length4, plain
 
 
 class OwnPairs:
@@ -182,6 +182,3 @@ class SpecialBond(PairedBond):
 
     def refuse(self, t, d):
         return "where the pair interaction is not finite"
-
-
-register_bonded(QuarticBond, SpecialBond)

@@ -21,7 +21,8 @@ import numpy as np
 from ...compiled import njit
 from ...errors import AtcError
 from ..base import Accumulator
-from .topology import MirrorError, RowTerm, SharedTerm, energy, plain, register_bonded
+from .cluster import first_not_finite
+from .topology import MirrorError, RowTerm, SharedTerm, energy, plain
 from .topology import whole as _whole
 
 #: sin θ below which the collinear continuation holds
@@ -46,16 +47,39 @@ class FourAtoms(SharedTerm):
         return {"equal": "equal", "center": "inner"} if self.kind == "dihedral" else {"equal": "equal"}
 
 
-class Torsion(FourAtoms):
-    """Base of the torsion styles: U = Σ_n a_n cos nφ, the a_n (internal energy units) the `row` of a type. See
-    `FourAtoms` for the parameters."""
+class CurveTorsion(FourAtoms):
+    """Base of terms with a formula of cos φ. Subclasses implement `curve`. See `FourAtoms` for the parameters."""
 
     kind = "dihedral"
+    #: what the angle is called in notes
+    angle_name = "phi"
+
+    def curve(self, cos, sin, types, acc: Accumulator):
+        """U and dU/dcos φ, (t,), of each chain; sin φ ≥ 0."""
+        raise NotImplementedError
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
-        bad, collinear = _torsions(x_tkc, types, self.table, U, G)
-        acc.note(f"{self.kind}s with three atoms in a line, where cos phi was continued to 0", collinear)
-        return bad
+        cos, sin, near = np.empty(len(U)), np.empty(len(U)), np.empty(len(U), np.int64)
+        geometry(x_tkc, cos, sin, G, near)
+        U[:], slope = self.curve(cos, sin, types, acc)
+        G *= slope[:, None]
+        said = f"{self.kind}s with three atoms in a line, where cos {self.angle_name} was continued to 0"
+        acc.note(said, np.count_nonzero(near))
+        return first_not_finite(U, G)
+
+
+class Torsion(CurveTorsion):
+    """Base of the torsion styles: U = Σ_n a_n cos nφ, the a_n (internal energy units) the `row` of a type."""
+
+    def curve(self, cos, sin, types, acc):
+        a = self.table[types].T
+        # Chebyshev polynomials of first and second kind side by side: T_n and U_{n-1}.
+        T0, T1, V0, V1 = np.ones_like(cos), cos, np.zeros_like(cos), np.ones_like(cos)
+        U, slope = a[0], np.zeros_like(cos)
+        for n in range(1, len(a)):
+            U, slope = U + a[n] * T1, slope + n * a[n] * V1
+            T0, T1, V0, V1 = T1, 2.0 * cos * T1 - T0, V1, 2.0 * cos * V1 - V0
+        return U, slope
 
 
 def _cosine(n: int, factor: float) -> np.ndarray:
@@ -199,10 +223,6 @@ class FourierTorsion(RowTerm, Torsion):
         return a
 
 
-register_bonded(HarmonicTorsion, CharmmTorsion, CharmmFSWTorsion, OPLSTorsion, MultiHarmonicTorsion)
-register_bonded(NHarmonicTorsion, FourierTorsion)
-
-
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _inverse_root(A, y):
     """1/√A for A = y sin²θ, continued below sin θ = ε (module docstring), and its derivatives with respect to A and
@@ -257,30 +277,11 @@ def cosine_and_slopes(x, slopes):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _torsions(x, types, table, U, G):
-    """Energies and G of Chebyshev series in cos φ; the first chain that is not finite (−1: none), and how many have
-    collinear atoms."""
-    slopes = np.empty(6)
-    collinear = 0
-    for t in range(len(U)):
-        cos, sin, near = cosine_and_slopes(x[t], slopes)
-        collinear += 1 if near > 0 else 0
-        cos = min(1.0, max(-1.0, cos))
-        row = table[types[t]]
-        # First and second kind side by side: T_n and U_{n-1}.
-        T0, T1 = 1.0, cos
-        V0, V1 = 0.0, 1.0
-        u, slope = row[0], 0.0
-        for n in range(1, len(row)):
-            u += row[n] * T1
-            slope += n * row[n] * V1
-            T0, T1 = T1, 2.0 * cos * T1 - T0
-            V0, V1 = V1, 2.0 * cos * V1 - V0
-        U[t] = u
-        total = u
-        for e in range(6):
-            G[t, e] = slope * slopes[e]
-            total += G[t, e]
-        if not np.isfinite(total):
-            return t, collinear
-    return -1, collinear
+def geometry(x, cos, sin, slopes, near):
+    """Fill cos φ, |sin φ|, ∂cos φ/∂ξ of the six pairs and how many collinear angles, chain by chain."""
+    for t in range(len(cos)):
+        c, sin[t], near[t] = cosine_and_slopes(x[t], slopes[t])
+        cos[t] = min(1.0, max(-1.0, c))
+        if near[t] > 0:
+            # The continuation scales the cosine alone: the angle is the one that belongs to it.
+            sin[t] = np.sqrt(1.0 - cos[t] * cos[t])

@@ -7,18 +7,7 @@ import numpy as np
 
 from .dihedral import sign_of
 from .dihedral_chain import Chain, CoupledTorsion
-from .topology import (
-    CrossTerms,
-    MirrorError,
-    RowTerm,
-    degrees,
-    energy,
-    energy_per_length,
-    length,
-    per_length2,
-    register_bonded,
-    whole,
-)
+from .topology import CrossTerms, MirrorError, RowTerm, degrees, energy, energy_per_length, length, per_length2, whole
 
 
 class Class2Torsion(CrossTerms, CoupledTorsion):
@@ -146,6 +135,3 @@ def chebyshev(n, c):
         T0, T1 = T1, 2.0 * c * T1 - T0
         V0, V1 = V1, 2.0 * c * V1 - V0
     return T, dT
-
-
-register_bonded(Class2Torsion, SphericalTorsion)

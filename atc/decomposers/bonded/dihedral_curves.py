@@ -5,42 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...compiled import njit
-from ..base import Accumulator
 from .angle_curves import restricted, shift_exp
-from .cluster import first_not_finite
-from .dihedral import FourAtoms, Torsion, cosine_and_slopes, sign_of, sign_of_phase
+from .dihedral import CurveTorsion, Torsion, sign_of, sign_of_phase
 from .improper import HarmonicImproper
-from .topology import MirrorError, degrees, energy, plain, register_bonded
-
-
-class CurveTorsion(FourAtoms):
-    """Base of torsions with a formula of cos φ. Subclasses implement `curve`. See `FourAtoms` for the parameters."""
-
-    kind = "dihedral"
-
-    def curve(self, cos, sin, types):
-        """U and dU/dcos φ, (t,), of each chain; sin φ ≥ 0."""
-        raise NotImplementedError
-
-    def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
-        cos, sin, near = np.empty(len(U)), np.empty(len(U)), np.empty(len(U), np.int64)
-        geometry(x_tkc, cos, sin, G, near)
-        U[:], slope = self.curve(cos, sin, types)
-        G *= slope[:, None]
-        acc.note(f"{self.kind}s with three atoms in a line, where cos phi was continued to 0", int(near.sum()))
-        return first_not_finite(U, G)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def geometry(x, cos, sin, slopes, near):
-    """Fill cos φ, |sin φ|, ∂cos φ/∂ξ of the six pairs and how many collinear angles, chain by chain."""
-    for t in range(len(cos)):
-        c, sin[t], near[t] = cosine_and_slopes(x[t], slopes[t])
-        cos[t] = min(1.0, max(-1.0, c))
-        if near[t] > 0:
-            # The continuation scales the cosine alone: the angle is the one that belongs to it.
-            sin[t] = np.sqrt(1.0 - cos[t] * cos[t])
+from .topology import MirrorError, degrees, energy, plain
 
 
 class QuadraticTorsion(HarmonicImproper):
@@ -97,7 +65,7 @@ class CosineShiftExpTorsion(CurveTorsion):
             raise MirrorError(_SMALL_A)
         return depth, sign_of(phi0), a
 
-    def curve(self, cos, sin, types):
+    def curve(self, cos, sin, types, acc):
         depth, sign, a = self.table[types].T
         U, slope = shift_exp(sign * cos, depth, a)
         return U, sign * slope
@@ -114,9 +82,6 @@ class RestrictedTorsion(CurveTorsion):
     name = "cosine/squared/restricted"
     wants = (("K", energy), ("phi0", degrees))
 
-    def curve(self, cos, sin, types):
+    def curve(self, cos, sin, types, acc):
         K, phi0 = self.table[types].T
         return restricted(cos, sin, K, np.cos(phi0))
-
-
-register_bonded(QuadraticTorsion, HelixTorsion, CosineShiftExpTorsion, RestrictedTorsion)

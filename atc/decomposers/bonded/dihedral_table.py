@@ -14,11 +14,9 @@ import numpy as np
 from ...errors import AtcError
 from ...units import units as system
 from ..table_file import read_table, same_units
-from .dihedral import _MIRROR
+from .dihedral import _MIRROR, CurveTorsion
 from .dihedral_chain import Chain, CoupledTorsion
-from .dihedral_curves import CurveTorsion
 from .table import table_options
-from .topology import register_bonded
 
 #: how far from even a table may be, relative to the range of its values
 _EVEN = 1e-10
@@ -170,7 +168,7 @@ class TableTorsion(_Tabulated, CurveTorsion):
         way = _way(inp)
         return cls(_sections(inp, 0, "")[0], **way)
 
-    def curve(self, cos, sin, types):
+    def curve(self, cos, sin, types, acc):
         return self._lookup(cos, sin, types)
 
 
@@ -242,6 +240,3 @@ def _sections(inp, lead: int, what: str):
         for (t,) in line.covers(inp.n_types):
             sections[t], fronts[t] = read[key], (line.words[:lead], line)
     return sections, fronts
-
-
-register_bonded(TableTorsion, TableCutTorsion)

@@ -16,16 +16,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...compiled import njit
 from ..base import Accumulator
-from .dihedral import FourAtoms, HarmonicTorsion, cosine_and_slopes
-from .topology import degrees, energy, register_bonded
+from .dihedral import CurveTorsion, HarmonicTorsion
+from .topology import degrees, energy
 
 # LAMMPS's SMALL: the least sin χ that is divided by at a kink.
 _SMALL = 0.001
 
 
-class HarmonicImproper(FourAtoms):
+class HarmonicImproper(CurveTorsion):
     """U = K (χ − χ0)², 0 ≤ χ ≤ π (LAMMPS's K: no ½). Coefficients K [energy/rad²], χ0 [degrees]. See `FourAtoms` for
     the parameters."""
 
@@ -35,14 +34,20 @@ class HarmonicImproper(FourAtoms):
     #: what its angle is called in notes, and the least sine of it that is divided by at a kink (LAMMPS's)
     angle_name, small = "chi", _SMALL
 
-    def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
-        bad, collinear, kinks = _harmonic_impropers(x_tkc, types, self.table, self.small, U, G)
-        acc.note(f"{self.kind}s with three atoms in a line, where cos {self.angle_name} was continued to 0", collinear)
+    def curve(self, cos, sin, types, acc: Accumulator):
+        K, chi0 = self.table[types].T
+        # The angle from the plane, so that nothing cancels near χ = π; dU/dcos = −2K (χ − χ0)/sin χ is split into a
+        # regular part and a kink.
+        sign = np.where(cos >= 0.0, 1.0, -1.0)
+        off, angle = np.where(cos >= 0.0, 0.0, np.pi) - chi0, np.arctan2(sin, np.abs(cos))
+        regular = sign * np.divide(angle, sin, out=np.ones_like(sin), where=sin > 0.0)
+        kinked = np.abs(off) > 1e-12
         acc.note(
             f"{self.kind}s in a plane they do not prefer, where sin {self.angle_name} was clamped at {self.small:g}",
-            kinks,
+            np.count_nonzero(kinked & (sin < self.small)),
         )
-        return bad
+        kink = np.where(kinked, off / np.maximum(sin, self.small), 0.0)
+        return K * (sign * angle + off) ** 2, -2.0 * K * (regular + kink)
 
 
 class CvffImproper(HarmonicTorsion):
@@ -51,40 +56,3 @@ class CvffImproper(HarmonicTorsion):
 
     kind = "improper"
     name = "cvff"
-
-
-register_bonded(HarmonicImproper, CvffImproper)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _harmonic_impropers(x, types, table, small, U, G):
-    slopes = np.empty(6)
-    collinear = kinks = 0
-    for t in range(len(U)):
-        cos, sin, near = cosine_and_slopes(x[t], slopes)
-        if near > 0:
-            # The continuation scales the cosine alone: the angle is the one that belongs to it.
-            collinear += 1
-            sin = np.sqrt(max(0.0, 1.0 - cos * cos))
-        k, chi0 = table[types[t], 0], table[types[t], 1]
-        # The angle from the plane, so that nothing cancels near χ = π; dU/dcos = −2K (χ − χ0)/sin χ is split into a
-        # regular part and a kink.
-        sign, plane = (1.0, 0.0) if cos >= 0.0 else (-1.0, np.pi)
-        angle = np.arctan2(sin, abs(cos))
-        U[t] = k * (sign * angle + (plane - chi0)) ** 2
-        regular = sign * (angle / sin if sin > 0.0 else 1.0)
-        kink = 0.0
-        if abs(plane - chi0) > 1e-12:
-            s = sin
-            if s < small:
-                s = small
-                kinks += 1
-            kink = (plane - chi0) / s
-        slope = -2.0 * k * (regular + kink)
-        total = U[t]
-        for e in range(6):
-            G[t, e] = slope * slopes[e]
-            total += G[t, e]
-        if not np.isfinite(total):
-            return t, collinear, kinks
-    return -1, collinear, kinks

@@ -16,17 +16,7 @@ from ..base import Accumulator
 from .cluster import first_not_finite
 from .dihedral import FourAtoms
 from .improper_pyramid import Pyramid, PyramidImproper, asin_over_sine
-from .topology import (
-    CrossTerms,
-    MirrorError,
-    RowTerm,
-    degrees,
-    energy,
-    length,
-    per_length2,
-    per_length4,
-    register_bonded,
-)
+from .topology import CrossTerms, MirrorError, RowTerm, degrees, energy, length, per_length2, per_length4
 
 # The least sine or cosine that is divided by at a kink.
 _SMALL = 0.001
@@ -274,7 +264,3 @@ class CosineSquaredImproper(FourAtoms):
         U[:] = 0.5 * K * shifted**2
         G[:] = (K * shifted)[:, None] * slopes
         return first_not_finite(U, G)
-
-
-register_bonded(UmbrellaImproper, FourierImproper, InversionHarmonicImproper, DistanceImproper, DistHarmImproper)
-register_bonded(SqDistHarmImproper, RingImproper, Class2Improper, CosineSquaredImproper)

@@ -11,9 +11,8 @@ from ...errors import AtcError
 from ..lepton import LeptonFormula
 from .angle import AngleStyle
 from .bond import BondStyle
-from .dihedral import _MIRROR
-from .dihedral_curves import CurveTorsion
-from .topology import MirrorError, register_bonded
+from .dihedral import _MIRROR, CurveTorsion
+from .topology import MirrorError
 
 #: how far from even in φ a torsion's formula may be, relative to the range of its values
 _EVEN = 1e-10
@@ -132,12 +131,9 @@ class LeptonTorsion(_Formulas, CurveTorsion):
                 raise MirrorError(f"its formula is not the same for phi and -phi: {_MIRROR}")
         return reference, formula
 
-    def curve(self, cos, sin, types):
+    def curve(self, cos, sin, types, acc):
         phi = np.arctan2(sin, cos)
         U, _ = self.values(phi, types, 1.0)
         inside = np.clip(phi, _PLANE, np.pi - _PLANE)
         _, slope = self.values(inside, types, 1.0)
         return U, -slope / np.sin(inside)
-
-
-register_bonded(LeptonBond, LeptonAngle, LeptonTorsion)

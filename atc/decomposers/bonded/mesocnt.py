@@ -6,7 +6,7 @@ import numpy as np
 
 from .angle import SMALL, AngleStyle
 from .bond import HarmonicBond
-from .topology import degrees, energy, register_bonded
+from .topology import degrees, energy
 
 
 def _custom(inp, line, at: int):
@@ -58,6 +58,3 @@ class MesoAngle(AngleStyle):
         # dU/dcos θ = U'(x)/sin θ; x/sin θ has a limit at 180°.
         ratio = a.deviation_over_sine(-x, np.full(len(x), np.pi))
         return U, np.where(buckled, K_b / np.maximum(a.sin, SMALL), -2.0 * K * ratio)
-
-
-register_bonded(MesoBond, MesoAngle)

@@ -15,9 +15,9 @@ from ...readers.lammps.data import COEFFS
 from ...units import Units
 from ...units import units as system
 from ..base import Accumulator, Term, Work
+from ..pairs.unsupported import reason
 from ..registry import STYLES, TypeRange, factor
 from .cluster import ClusterTerm, weights_of
-from .unsupported import reason
 
 #: Dimensions of coefficients, as `registry.factor` takes them.
 energy, length, plain, degrees = "energy", "length", 1.0, np.pi / 180.0
@@ -58,6 +58,12 @@ class BondedTerm(ClusterTerm):
     filling: tuple[float, ...] = (0.0,)
     others: frozenset = frozenset()
     refused: Mapping[int, str] = MappingProxyType({})
+
+    def __init_subclass__(cls, style: bool = True):
+        """Make a class with a kind and a name known as LAMMPS's `style`, built from its coefficient lines by its
+        `build`."""
+        if style and cls.kind and cls.name:
+            STYLES[cls.kind].setdefault(cls.name, cls.build)
 
     def __init__(self, coeffs: Mapping | Sequence, *, units: str | Units = "metal"):
         self.units = system(units)
@@ -396,8 +402,5 @@ def _build_hybrid(inp):
     return HybridTerm(terms, silent)
 
 
-def register_bonded(*classes):
-    """Make styles known by their names, each built from its coefficient lines by its `build`."""
-    for cls in classes:
-        STYLES[cls.kind][cls.name] = cls.build
-        STYLES[cls.kind]["hybrid"] = _build_hybrid
+for _kind in ("bond", "angle", "dihedral", "improper"):
+    STYLES[_kind]["hybrid"] = _build_hybrid

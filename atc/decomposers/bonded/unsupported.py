@@ -31,8 +31,3 @@ REASONS = {
     "dihedral": {},
     "improper": {"amoeba": _AMOEBA},
 }
-
-
-def reason(kind: str, name: str) -> str | None:
-    """Why a LAMMPS bond, angle, dihedral or improper style is not supported, if it is one that is known."""
-    return REASONS.get(kind, {}).get(name)

@@ -17,6 +17,7 @@ from ...bonds import Bonds
 from ...errors import AtcError
 from ...frame import Frame
 from ..images import Images
+from ..numbering import pair_codes
 from .rigid_bodies import bodies_of
 from .rules import Rule
 from .solvers import System, molecules_of
@@ -102,14 +103,16 @@ class Constraints:
         return new
 
     def describe(self) -> str:
-        return f"constraints: {', '.join(dict.fromkeys(r.describe() for r in self.rules))}"
+        return f"constraints: {self.holds}"
+
+    @property
+    def holds(self) -> str:
+        """What is held, in words."""
+        return ", ".join(dict.fromkeys(r.describe() for r in self.rules))
 
     def attributes(self, found: Found) -> dict:
         """For an output: what is held, and how its forces were found."""
-        text = (
-            f"{found.count} in {found.molecules} molecules "
-            f"({', '.join(dict.fromkeys(r.describe() for r in self.rules))})"
-        )
+        text = f"{found.count} in {found.molecules} molecules ({self.holds})"
         out = {"constraints": text, "constraint_source": found.source}
         if np.isfinite(found.error):
             out["constraint_error"] = found.error
@@ -135,11 +138,14 @@ class Constraints:
         ):
             return last[1]
         n = len(frame)
-        found = [r.pairs(frame) for r in self.rules if not r.bodies]
-        code = np.unique(_code(np.concatenate(found), n)) if found else np.zeros(0, np.int64)
-        pairs = np.stack([code // n, code % n], 1) if n else np.zeros((0, 2), np.int64)
+        pairs = np.stack(np.divmod(self._held(frame), max(n, 1)), 1)
         self._last = known, (pairs, molecules_of(pairs, n), self._released(frame))
         return self._last[1]
+
+    def _held(self, frame: Frame, releases=(True, False)) -> np.ndarray:
+        """`pair_codes` of the distances that rules hold, each once."""
+        found = [r.pairs(frame) for r in self.rules if not r.bodies and r.releases in releases]
+        return np.unique(pair_codes(np.concatenate([np.zeros((0, 2), np.int64), *found]), len(frame)))
 
     def __getstate__(self):
         return {**self.__dict__, "_last": None}
@@ -159,21 +165,18 @@ class Constraints:
         if top is None or top.untold or not any(r.releases for r in self.rules):
             return top
         n = len(frame)
-        held = [r.pairs(frame) for r in self.rules if r.releases and not r.bodies]
         label = np.full(n, -1, np.int64)
         for r in self.rules:
             if r.releases and r.bodies:
                 label = np.where(label < 0, r.labels(frame), label)
-        code = np.unique(_code(np.concatenate(held), n)) if held else np.zeros(0, np.int64)
+        code = self._held(frame, (True,))
 
         def off(atoms, ends):
             rigid = (label[atoms[:, ends[0]]] >= 0) & (label[atoms[:, ends[0]]] == label[atoms[:, ends[1]]])
-            return rigid | np.isin(_code(atoms[:, list(ends)], n), code)
+            return rigid | np.isin(pair_codes(atoms[:, list(ends)], n), code)
 
-        bonds = off(top.bonds, (0, 1)) if len(top.bonds) else np.zeros(0, bool)
-        angles = np.zeros(0, bool)
-        if len(top.angles):
-            angles = off(top.angles, (0, 1)) & off(top.angles, (1, 2)) & off(top.angles, (0, 2))
+        bonds = off(top.bonds, (0, 1))
+        angles = off(top.angles, (0, 1)) & off(top.angles, (1, 2)) & off(top.angles, (0, 2))
         if not (bonds.any() or angles.any()):
             return top
         new = replace(
@@ -241,7 +244,6 @@ class Constraints:
         for source in usable:
             if have[source]:
                 return source
-        what = ", ".join(dict.fromkeys(r.describe() for r in self.rules))
         dump = "fx fy fz" if forces_only else "vx vy vz" if of_bodies or without else "fx fy fz (best), or vx vy vz,"
         more = (
             ', or take the velocities by name: source = "velocities" in [constraints]'
@@ -249,9 +251,9 @@ class Constraints:
             else ""
         )
         raise AtcError(
-            f"{frame.source}: the forces that hold atoms ({what}, {self.where}) are part of the stress, and the frame "
-            f"does not say them: dump {dump} too, or give the "
-            f"temperature for their mean: temperature in [constraints]{more}"
+            f"{frame.source}: the forces that hold atoms ({self.holds}, {self.where}) are part of the stress, and the "
+            f"frame does not say them: dump {dump} too, or give the temperature for their mean: temperature in "
+            f"[constraints]{more}"
         )
 
     def require(self, frame: Frame) -> None:
@@ -357,11 +359,6 @@ class Constraints:
             lam = s.by_motion(a, np.einsum("mbx,mbx->mb", v, v))
         left.velocities(s, a, v, lam, self.timestep if source == "step" else None, self.behind)
         return lam
-
-
-def _code(pairs, n):
-    pairs = np.sort(np.asarray(pairs, np.int64).reshape(-1, 2), axis=1)
-    return pairs[:, 0] * n + pairs[:, 1]
 
 
 class _Left:

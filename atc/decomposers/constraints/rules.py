@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import AtcError
 from ...frame import Frame
+from ..numbering import atoms_of_ids, pair_codes
 
 #: Masses that ``fix shake ... m`` takes for the same, in the units of the script.
 SAME_MASS = 0.1
@@ -141,16 +142,11 @@ def _thirds(top, bonds, listed, n) -> np.ndarray:
     if not listed.any() or not len(bonds):
         return np.zeros((0, 2), np.int64)
     number = np.bincount(bonds.ravel(), minlength=n)
-    a, b, c = top.angles[listed].T
-    code = np.unique(_code(bonds[:, 0], bonds[:, 1], n))
-    both = np.isin(_code(a, b, n), code) & np.isin(_code(b, c, n), code)
+    angles, code = top.angles[listed], np.unique(pair_codes(bonds, n))
+    a, b, c = angles.T
+    both = np.isin(pair_codes(angles[:, :2], n), code) & np.isin(pair_codes(angles[:, 1:], n), code)
     alone = (number[a] == 1) & (number[b] == 2) & (number[c] == 1)
     return np.stack([a, c], 1)[both & alone].astype(np.int64)
-
-
-def _code(i, j, n):
-    i, j = np.asarray(i, np.int64), np.asarray(j, np.int64)
-    return np.minimum(i, j) * n + np.maximum(i, j)
 
 
 @dataclass(frozen=True)
@@ -165,12 +161,10 @@ class HeldPairs(Rule):
 
     def pairs(self, frame: Frame) -> np.ndarray:
         ids = np.asarray(self.ids, np.int64).reshape(-1, 2)
-        order = np.argsort(frame.ids, kind="stable")
-        at = np.searchsorted(frame.ids[order], ids)
-        known = (at < len(frame)) & (frame.ids[order[np.minimum(at, len(frame) - 1)]] == ids)
+        atoms, known = atoms_of_ids(frame, ids)
         if not known.all():
             raise AtcError(f"{self.where}: atom {ids[~known][0]} is not in {frame.source}")
-        return order[at]
+        return atoms
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Frame, Held
 from ...readers.trajectory import warn
+from ..numbering import pair_codes
 from .held import Constraints
 from .rules import Rule
 
@@ -76,14 +77,13 @@ def _differing(mine, held, frame) -> tuple[int, int]:
     """How many distances of the file are not held by some constraints, and how many of theirs are not in the file
     (those of rigid bodies not counted)."""
     n = len(frame)
-    code = lambda p: np.unique(np.sort(np.asarray(p, np.int64).reshape(-1, 2), axis=1) @ [n, 1])  # noqa: E731
-    own, pairs = code(mine.pairs(frame)), held.pairs_c2
-    more = int((~np.isin(own, code(pairs))).sum())
+    own, pairs = pair_codes(mine.pairs(frame), n), held.pairs_c2
+    more = int((~np.isin(own, pair_codes(pairs, n))).sum())
     for rule in mine.rules:
         if rule.bodies:
             label = rule.labels(frame)[pairs]
             pairs = pairs[(label[:, 0] < 0) | (label[:, 0] != label[:, 1])]
-    return int((~np.isin(code(pairs), own)).sum()), more
+    return int((~np.isin(np.unique(pair_codes(pairs, n)), own)).sum()), more
 
 
 @lru_cache(maxsize=2)

@@ -157,40 +157,24 @@ class VirtualSites:
 def _behind(frame: Frame, p: Places) -> FrameWithSites:
     s, host = len(p), p.host_s
     r_skc = _nearest(frame.positions[p.parents_sk] - frame.positions[host][:, None], frame.cell)
-    v = frame.velocities
-    mean = None if v is None else np.einsum("sk,skc->sc", p.weights_sk, v[p.parents_sk])
-
-    def more(a, sites):
-        return None if a is None else np.concatenate([a, sites])
-
-    q = frame.charges
+    q, v = frame.charges, frame.velocities
     taken = np.zeros(s)
     if p.charged_by and q is not None:
         taken, q = q[host], q.copy()
         q[host] = 0.0
-    none = np.zeros((s, 3))
-    return FrameWithSites(
-        more(frame.positions, frame.positions[host] + np.einsum("sk,skc->sc", p.weights_sk, r_skc)),
-        frame.cell,
-        frame.units,
-        types=more(frame.types, frame.types[host]),
-        ids=more(frame.ids, int(frame.ids.max(initial=0)) + 1 + np.arange(s)),
-        masses=more(frame.masses, np.zeros(s)),
-        velocities=more(v, mean),
-        forces=more(frame.forces, none),
-        charges=more(q, taken),
-        images=None if frame.images is None else more(frame.images, frame.images[host]),
-        step=frame.step,
-        time=frame.time,
-        topology=frame.topology,
-        source=frame.source,
-        type_names=frame.type_names,
-        molecules=None if frame.molecules is None else more(frame.molecules, frame.molecules[host]),
-        groups=None if frame.groups is None else more(frame.groups, frame.groups[host]),
-        given=frame.given,
-        plain=frame,
-        places=p,
-    )
+    known = {name: getattr(frame, name) for name in frame.__dataclass_fields__}
+    known |= {"charges": q, "extra": {}, "before": None, "plain": frame, "places": p}
+    sites = {name: known[name][host] for name in ("types", "images", "molecules", "groups") if known[name] is not None}
+    sites |= {
+        "positions": frame.positions[host] + np.einsum("sk,skc->sc", p.weights_sk, r_skc),
+        "ids": int(frame.ids.max(initial=0)) + 1 + np.arange(s),
+        "masses": np.zeros(s),
+        "velocities": None if v is None else np.einsum("sk,skc->sc", p.weights_sk, v[p.parents_sk]),
+        "forces": np.zeros((s, 3)),
+        "charges": taken,
+    }
+    behind = {name: np.concatenate([known[name], a]) for name, a in sites.items() if known[name] is not None}
+    return FrameWithSites(**known | behind)
 
 
 def _nearest(r, cell):

@@ -12,7 +12,7 @@ from ...units import units as system
 from .centred import Centred
 from .eam_file import EAMTables, read_setfl
 from .elements import ElementMap, mapped_style, named_elements, require_known
-from .embedded_atom import _place, cubic, spline
+from .embedded_atom import _place, cubic, embedding, spline, take_tables
 from .neighborhood import around, share_half
 
 
@@ -51,15 +51,10 @@ class AngularDependent(Centred):
         used = tables.elements if elements is None else named_elements(elements)
         keep = [tables.elements.index(e) for e in used]
         self.map = ElementMap(elements, used, "pair_style adp")
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
-        self.dr, self.drho = tables.dr * length, tables.drho
-        self.cutoff, self.rho_end = float(tables.cutoff * length), tables.rho_end
-        block = np.ix_(keep, keep)
-        self.F = np.ascontiguousarray(spline(tables.F_en[keep] * energy))
-        self.rho = np.ascontiguousarray(spline(tables.rho_eer[block]))
-        self.zr = np.ascontiguousarray(spline(tables.zr_eer[block] * (energy * length)))
-        self.u = np.ascontiguousarray(spline(tables.u_eer[block] * (energy**0.5 / length)))
-        self.w = np.ascontiguousarray(spline(tables.w_eer[block] * (energy**0.5 / length**2)))
+        take_tables(self, tables, keep)
+        energy, length, block = u.to_internal("energy", 1.0), u.to_internal("length", 1.0), np.ix_(keep, keep)
+        self.u = spline(tables.u_eer[block] * (energy**0.5 / length))
+        self.w = spline(tables.w_eer[block] * (energy**0.5 / length**2))
 
     @classmethod
     def from_file(cls, path, elements=None, *, units: str | Units = "metal", where: str = "") -> AngularDependent:
@@ -76,11 +71,11 @@ class AngularDependent(Centred):
         )
 
     def pairs(self, p0, p1, near, G_p, energies):
-        return _pairs(p0, p1, near, self.zr, 1.0 / self.dr, G_p, energies)
+        return _pairs(p0, p1, near, self.zr, self.per_dr, G_p, energies)
 
     def centres(self, s0, s1, most, near, *out):
         tables = self.F, self.rho, self.u, self.w
-        return _centres(s0, s1, most, near, tables, 1.0 / self.drho, self.rho_end, 1.0 / self.dr, *out)
+        return _centres(s0, s1, most, near, tables, self.per_drho, self.rho_end, self.per_dr, *out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -107,7 +102,7 @@ def _centres(s0, s1, most, near, tables, per_drho, rho_end, per_dr, G_end, S_end
     out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
-    points, rhos = u_table.shape[2] - 1, F.shape[1] - 1
+    points = u_table.shape[2] - 1
     who, arm, dist = np.empty(most, np.int32), np.empty((most, 3)), np.empty(most)
     u, du, w, dw, drho = np.empty(most), np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     mu, q, lam, v = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
@@ -134,10 +129,7 @@ def _centres(s0, s1, most, near, tables, per_drho, rho_end, per_dr, G_end, S_end
                 q[c] += w[e] * arm[e, c]
                 for g in range(3):
                     lam[c, g] += w[e] * arm[e, c] * arm[e, g]
-        x = rho * per_drho + 1.0
-        row = max(1, min(int(x), rhos - 1))
-        x = min(x - row, 1.0)
-        U, slope = cubic(F[es, row], x, per_drho)
+        U, slope = embedding(F[es], rho, per_drho)
         if rho > rho_end:
             U += slope * (rho - rho_end)
         nu = lam[0, 0] + lam[1, 1] + lam[2, 2]

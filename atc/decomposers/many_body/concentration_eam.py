@@ -10,7 +10,7 @@ from ...units import Units
 from ...units import units as system
 from .eam_file import EAMTables, read_setfl
 from .elements import ElementMap, mapped_style, require_known
-from .embedded_atom import _place, cubic, spline
+from .embedded_atom import _place, cubic, embedding, take_tables
 from .neighbor_work import OUTER_PER_TASK, NeighborTerm, NeighborWork, shares
 from .neighborhood import around, between_sharing_neighbors, share_half
 
@@ -72,7 +72,7 @@ class ConcentrationEAM(NeighborTerm):
     word = "EAM"
 
     def __init__(self, tables: EAMTables, elements=None, *, units: str | Units = "metal", two_sites: bool = False):
-        self.units = u = system(units)
+        self.units = system(units)
         self.style = "eam/cd/old" if two_sites else "eam/cd"
         if tables.mixing is None or len(tables.elements) != 2:
             raise AtcError(
@@ -80,14 +80,9 @@ class ConcentrationEAM(NeighborTerm):
                 "elements"
             )
         self.map = ElementMap(elements, tables.elements, f"pair_style {self.style}")
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
-        self.per_dr, self.per_drho = 1.0 / (tables.dr * length), 1.0 / tables.drho
-        self.cutoff = float(tables.cutoff * length)
-        self.two_sites = bool(two_sites)
-        self.h = np.ascontiguousarray(tables.mixing, float)
-        self.F = np.ascontiguousarray(spline(tables.F_en * energy))
-        self.rho = np.ascontiguousarray(spline(tables.rho_eer[:, 0]))
-        self.zr = np.ascontiguousarray(spline(tables.zr_eer * (energy * length)))
+        take_tables(self, tables, [0, 1])
+        self.rho = np.ascontiguousarray(self.rho[:, 0])
+        self.two_sites, self.h = bool(two_sites), np.ascontiguousarray(tables.mixing, float)
 
     @classmethod
     def from_file(
@@ -140,7 +135,6 @@ def _mixed(h, two_sites, x, y):
 def _densities(s0, s1, near, F, rho_table, per_drho, per_dr, rho, x, slope, grad, energies):
     """ρ, x, F' of the atoms s0..s1, and Σ_k ∂x/∂x_k where wanted. Returns Σ F."""
     start, pair, end, a, b, r, d, element, atom = near
-    points = F.shape[1] - 1
     total = 0.0
     for s in range(s0, s1):
         of_B = 0.0
@@ -151,10 +145,7 @@ def _densities(s0, s1, near, F, rho_table, per_drho, per_dr, rho, x, slope, grad
             rho[s] += value
             of_B += value if element[k] == 1 else 0.0
         x[s] = of_B / rho[s] if rho[s] > 0.0 else 0.0
-        y = rho[s] * per_drho + 1.0
-        m = max(1, min(int(y), points - 1))
-        y = min(y - m, 1.0)
-        u, slope[s] = cubic(F[element[s], m], y, per_drho)
+        u, slope[s] = embedding(F[element[s]], rho[s], per_drho)
         total += u
         if len(energies) > 0:
             energies[atom[s]] += u

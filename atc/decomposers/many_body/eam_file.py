@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import AtcError, AtcWarning
 from ...readers.lammps.sections import number_of, shortened, whole_of
 from ...readers.whole import whole_text
-from .parameter_file import energy_conversion, same_units
+from .parameter_file import energy_conversion, same_units, word_lines
 
 _LARGE = 1e50  # no number of a potential is as large
 # LAMMPS's eV·Å in Hartree·Bohr, three digits, for the effective charges of funcfl files.
@@ -53,11 +53,8 @@ class _Lines:
         self.text = whole_text(path, "EAM", where)
         self.path = path
         self._said = False
-        lines = self.text.splitlines()
-        self.lines = [
-            (k, w) for k, line in enumerate(lines[header:], header + 1) if (w := line.partition("#")[0].split())
-        ]
-        self.last = len(lines)
+        self.lines = word_lines(self.text, header)
+        self.last = len(self.text.splitlines())
         self.p = 0
 
     def words(self, least: int, what: str) -> tuple[list[str], str]:
@@ -85,7 +82,7 @@ class _Lines:
         if len(out) > n:
             number = self.lines[self.p - 1][0]
             complaint = f"{what} has {len(out)} numbers where its table (from line {first}) should have {n}"
-            if not all(_is_number(w) for w in out):
+            if None in map(number_of, out):
                 raise AtcError(f"{self.path}:{number}: {complaint}")  # another line of the format
             self.surplus(complaint, number)
             out = out[:n]
@@ -129,10 +126,6 @@ class _Lines:
         if sum(len(w) for _, w in self.lines[self.p :]) >= limit:
             raise AtcError(f"{self.path}:{number}: {complaint}")
         self.surplus("lines behind the last table", number)
-
-
-def _is_number(word: str) -> bool:
-    return number_of(word) is not None
 
 
 def _grid(words, where):
@@ -197,7 +190,7 @@ def read_setfl(
     nrho, drho, nr, dr, cut = _grid(words, at)
     rho_end = (nrho - 1) * drho
     if helium:
-        if not _is_number(words[5]) or not np.isfinite(float(words[5])):
+        if number_of(words[5]) is None:
             raise AtcError(f"{at}: expected the largest density rhomax at the end, got {words[5]!r}")
         rho_end = float(words[5])
     f.room_for(m * (nrho + nr) + m * (m - 1) * nr // 2, at)
@@ -232,12 +225,9 @@ def _polynomial(f: _Lines) -> np.ndarray:
     if len(f.lines) - f.p == 2:
         f.p += 1
     words, at = f.words(2, "the degree and the coefficients of h(x)")
-    if not words[0].isdigit() or len(words) < int(words[0]) + 2 or not all(_is_number(w) for w in words):
+    if not words[0].isdigit() or len(words) < int(words[0]) + 2 or None in map(number_of, words):
         raise AtcError(f"{at}: expected the degree and the coefficients of h(x), got {' '.join(words)!r}")
-    h = np.array([float(w) for w in words[1 : int(words[0]) + 2]])
-    if not np.isfinite(h).all():
-        raise AtcError(f"{at}: the coefficients of h(x) must be finite")
-    return h
+    return np.array([float(w) for w in words[1 : int(words[0]) + 2]])
 
 
 def read_funcfl(paths, units_name: str, where: str = "") -> EAMTables:

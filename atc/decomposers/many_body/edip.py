@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -18,6 +18,7 @@ from .centred import Centred
 from .elements import mapped_line, mapped_style
 from .entries import Entry, OfEntries
 from .neighborhood import around
+from .twin_entries import require_alike
 
 # Shares of a pair's energy (centre, neighbour) and of a triplet's (centre, each neighbour).
 _SHARES = {"equal": (0.5, 0.5, 1 / 3, 1 / 3), "center": (1.0, 0.0, 1.0, 0.0), "centre": (1.0, 0.0, 1.0, 0.0)}
@@ -102,13 +103,10 @@ class EDIP(Centred, OfEntries):
                     e.a * length, e.A * energy, e.B * length, e.rho, e.beta, e.sigma * length, e.gamma * length,
                     e.c * length, e.alpha,
                 )  # fmt: skip
-        for i, j, k in product(range(m), repeat=3):
-            if j < k and not np.allclose(self.three[i, j, k], self.three[i, k, j], rtol=1e-5, atol=0):
-                e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
-                raise AtcError(
-                    f"{e.where} and {f.where}: different lambda, eta, Q0, mu or u1 to u4 for one triplet, of which "
-                    "LAMMPS takes one by the order of its neighbour list: make them equal"
-                )
+        for (i, a), ((j, b), (k, c)) in product(enumerate(names), combinations(enumerate(names), 2)):
+            alike = np.allclose(self.three[i, j, k], self.three[i, k, j], rtol=1e-5, atol=0)
+            what = "lambda, eta, Q0, mu or u1 to u4 for one triplet, of which LAMMPS takes one by the order of its list"
+            require_alike(entries, (a, b, c), (a, c, b), alike, what)
         self.three = np.ascontiguousarray(0.5 * (self.three + self.three.transpose(0, 2, 1, 3)))
         self.cutoff = float(self.two[..., 0].max())
 

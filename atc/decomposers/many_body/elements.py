@@ -77,6 +77,13 @@ def of_each_type(inp: StyleInput, words, line) -> list[str | None]:
     return elements
 
 
+def require_among(inp: StyleInput, elements, names, which: str, line) -> None:
+    """Raise AtcError for an element of an atom type that is not one of those that a line names before."""
+    odd = next((e for e in elements if e is not None and e not in names), None)
+    if odd is not None:
+        raise inp.error(f"{inp.command}: {odd} is not among the elements {which} ({', '.join(names)})", line)
+
+
 def mapped_line(inp: StyleInput, ending: str):
     """(path, elements, line) of the one ``pair_coeff * * <file> <element of each atom type>`` line of a style; AtcError
     as `whole_line`, `of_each_type`, and for a missing file."""

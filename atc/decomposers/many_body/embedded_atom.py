@@ -58,7 +58,7 @@ class EmbeddedAtom(Term):
         name: str = "eam/alloy",
         rest: str | None = None,
     ):
-        self.units = u = system(units)
+        self.units = system(units)
         self.name = name
         self.map = ElementMap(elements, tables.elements, f"pair_style {name}")
         keep = list(range(len(tables.elements)))
@@ -67,13 +67,7 @@ class EmbeddedAtom(Term):
             used = named_elements(elements)
             keep = [tables.elements.index(e) for e in used]
             self.map = ElementMap(elements, used, f"pair_style {name}", rest)
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
-        self.dr, self.drho = tables.dr * length, tables.drho
-        self.cutoff = float(tables.cutoff * length)
-        self.rho_first, self.rho_end = tables.rho_first, tables.rho_end
-        self.F = np.ascontiguousarray(spline(tables.F_en[keep] * energy))
-        self.rho = np.ascontiguousarray(spline(tables.rho_eer[np.ix_(keep, keep)]))
-        self.zr = np.ascontiguousarray(spline(tables.zr_eer[np.ix_(keep, keep)] * (energy * length)))
+        take_tables(self, tables, keep)
 
     @classmethod
     def from_setfl(
@@ -111,6 +105,17 @@ class EmbeddedAtom(Term):
 
     def prepare(self, frame: Frame) -> Work:
         return _EAMWork(self, frame)
+
+
+def take_tables(term, tables: EAMTables, keep) -> None:
+    """Give a term with units the tables of the elements `keep`, as splines in internal units."""
+    energy, length = term.units.to_internal("energy", 1.0), term.units.to_internal("length", 1.0)
+    block = np.ix_(keep, keep)
+    term.per_dr, term.per_drho = 1.0 / (tables.dr * length), 1.0 / tables.drho
+    term.cutoff = float(tables.cutoff * length)
+    term.rho_first, term.rho_end = tables.rho_first, tables.rho_end
+    term.F, term.rho = spline(tables.F_en[keep] * energy), spline(tables.rho_eer[block])
+    term.zr = spline(tables.zr_eer[block] * (energy * length))
 
 
 def spline(tables, last_slope: float | None = None) -> np.ndarray:
@@ -154,7 +159,7 @@ class _EAMWork(Work):
         if id(acc) not in self.sums:
             self.sums[id(acc)] = task, np.zeros(len(self.atom))
         n = self.list.half(task, ws)
-        _densities(ws.i, ws.j, ws.d2, n, self.element, term.rho, 1.0 / term.dr, self.sums[id(acc)][1])
+        _densities(ws.i, ws.j, ws.d2, n, self.element, term.rho, term.per_dr, self.sums[id(acc)][1])
 
     def _embed(self, task, acc):
         term = self.term
@@ -163,7 +168,7 @@ class _EAMWork(Work):
         self.sums = {}
         self.slope = np.empty(len(rho))
         energy, beyond = _embed(
-            rho, self.element, term.F, 1.0 / term.drho, term.rho_first, term.rho_end, self.atom, self.slope, shares(acc)
+            rho, self.element, term.F, term.per_drho, term.rho_first, term.rho_end, self.atom, self.slope, shares(acc)
         )
         acc.energy += energy
         acc.note("atoms with a density beyond the end of the EAM table", beyond)
@@ -172,7 +177,7 @@ class _EAMWork(Work):
         ws, term = acc.ws, self.term
         n = self.list.half(task, ws)
         D = np.empty((n, 2, 3)) if acc.sources else NO_D
-        pairs, per_dr = (ws.i, ws.j, ws.r, ws.d2), 1.0 / term.dr
+        pairs, per_dr = (ws.i, ws.j, ws.r, ws.d2), term.per_dr
         m, energy, bad = _bonds(
             pairs, n, self.element, term.rho, term.zr, per_dr, self.slope, self.atom, ws.G, D, shares(acc)
         )
@@ -194,6 +199,14 @@ def _place(x, per_step, n):
 def cubic(c, x, per_step):
     """A cubic at a place x between its points, and its slope."""
     return ((c[0] * x + c[1]) * x + c[2]) * x + c[3], ((3.0 * c[0] * x + 2.0 * c[1]) * x + c[2]) * per_step
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def embedding(F, rho, per_drho):
+    """F(ρ) and F'(ρ) of an atom, the last cubic of the table beyond it held where it ends."""
+    x = rho * per_drho + 1.0
+    row = max(1, min(int(x), F.shape[0] - 2))
+    return cubic(F[row], min(x - row, 1.0), per_drho)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -13,11 +13,11 @@ from ...errors import AtcError
 from ...units import Units
 from ...units import units as system
 from ..registry import pair_style
-from .elements import ElementMap, not_as_wanted, of_each_type, whole_line
+from .elements import ElementMap, not_as_wanted, of_each_type, require_among, whole_line
 from .embedded_atom import _place, cubic, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborTerm, NeighborWork, shares
 from .neighborhood import around, between_sharing_neighbors, share_half
-from .parameter_file import LARGE, read_parameter_file, same_units
+from .parameter_file import numbers, read_parameter_file, same_units, word_lines
 
 # LAMMPS's tables: so many points from 0 to the largest cutoff.
 _POINTS = 5000
@@ -49,20 +49,19 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
     bounds, chi, mass, pairs = None, {}, {}, {}
     words: list[str] = []
     first = 0
-    for number, line in enumerate(text.splitlines(), 1):
-        new = line.partition("#")[0].split()
-        first = first if words else number
+    for k, new in word_lines(text):
+        first = first if words else k
         words += [w for w in new if w != "&"]
-        if new[-1:] == ["&"] or not words:
+        if new[-1] == "&":
             continue
         at, kind, rest, words = f"{path}:{first}", words[0], words[1:], []
         if kind == "global:":
-            bounds = tuple(_values(rest, 3, ("division", "rbig", "rsmall"), at)[1:])
+            bounds = tuple(numbers(rest, ("division", "rbig", "rsmall"), at)[1:])
         elif kind == "element:" and rest and rest[0] in names:
-            v = _values(rest[1:], 7, ("number", "mass", "negativity", "ra", "ri", "Ec", "q0"), at)
+            v = numbers(rest[1:], ("number", "mass", "negativity", "ra", "ri", "Ec", "q0"), at)
             mass[rest[0]], chi[rest[0]] = v[1:3]
         elif kind == "pair:" and len(rest) > 1 and rest[0] in names and rest[1] in names:
-            v = dict(zip(_PAIR, _values(rest[2:], len(_PAIR), _PAIR, at), strict=True))
+            v = dict(zip(_PAIR, numbers(rest[2:], _PAIR, at), strict=True))
             if v["p"] not in (1, 2) or v["beta"] == v["alpha"] or not v["re"] > 0:
                 raise AtcError(f"{at}: p must be 1 or 2, alpha and beta different, r_e positive")
             pairs[tuple(sorted((names.index(rest[0]), names.index(rest[1]))))] = v
@@ -80,16 +79,6 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
                 )
     of = lambda what: np.array([what[n] for n in names])  # noqa: E731
     return EIMParameters(list(names), of(chi), pairs, bounds, of(mass))
-
-
-def _values(words, count, keys, at) -> list[float]:
-    try:
-        values = [float(w) for w in words]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(abs(v) < LARGE for v in values):
-        raise AtcError(f"{at}: expected {count} numbers ({' '.join(keys)}), got {' '.join(words)!r}")
-    return values
 
 
 class _EIMWork(NeighborWork):
@@ -186,7 +175,7 @@ class EmbeddedIon(NeighborTerm):
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         self.cutoff = float(cutoff * length)
         self.per_dr = 1.0 / (step * length)
-        self.phi, self.eta, self.psi = (np.ascontiguousarray(spline(t, 0.0)) for t in (phi * energy, eta, psi * energy))
+        self.phi, self.eta, self.psi = (spline(t, 0.0) for t in (phi * energy, eta, psi * energy))
         for (a, b), v in p.pair.items():
             # Row 0 of LAMMPS's splines is not used.
             for t in (self.phi, self.eta, self.psi):
@@ -301,9 +290,5 @@ def _eim(inp):
         raise not_as_wanted(inp, wants, line)
     names = list(dict.fromkeys(line.words[:file]))
     elements = of_each_type(inp, line.words[file + 1 :], line)
-    odd = next((e for e in elements if e is not None and e not in names), None)
-    if odd is not None:
-        raise inp.error(
-            f"{inp.command}: {odd} is not among the elements in front of the file ({', '.join(names)})", line
-        )
+    require_among(inp, elements, names, "in front of the file", line)
     return EmbeddedIon.from_file(inp.path(line.words[file], line), names, elements, units=inp.units, where=line.where)

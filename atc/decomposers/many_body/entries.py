@@ -80,6 +80,12 @@ class OfEntries(NeighborTerm):
             names the file, for messages. more : what else the class takes
         """
         entries = read_entries(path, named_elements(elements), system(units).name, cls.entry, where)
+        return cls.from_entries(entries, elements, units=units, **more)
+
+    @classmethod
+    def from_entries(cls, entries: dict, elements, *, units: str | Units = "metal", **more):
+        """From {(elem1, elem2, elem3): `entry` or dict of its fields}, elem1 at the centre, and elements as for
+        `from_file`."""
         return cls(entries, elements, units=units, **more)
 
 

@@ -8,7 +8,7 @@ from ...units import Units
 from ...units import units as system
 from ..registry import pair_style
 from . import meam_reference
-from .elements import ElementMap, of_each_type, whole_line
+from .elements import ElementMap, of_each_type, require_among, whole_line
 from .embedded_atom import spline
 from .meam_file import MEAMParameters, library_elements, read_meam
 from .meam_kernels import densities, merge, screenings
@@ -83,7 +83,7 @@ class MEAM(NeighborTerm):
         energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
         m = len(p.names)
         phi, step = meam_reference.tables(p)
-        self.phi, self.per_dr = np.ascontiguousarray(spline(phi * energy)), 1.0 / (step * length)
+        self.phi, self.per_dr = spline(phi * energy), 1.0 / (step * length)
         self.ending = rc, _ = float(p.rc * length), float(p.delr * length)
         beta, t, rho0 = (np.ascontiguousarray(x, float) for x in (p.beta_ek, p.t_ek, p.rho0_e))
         re, Ec = np.ascontiguousarray(np.diag(p.re) * length), np.diag(p.Ec)
@@ -131,10 +131,6 @@ def _meam(inp):
         )
     names, file, elements = line.words[1 : 1 + count], line.words[1 + count], line.words[2 + count :]
     elements = of_each_type(inp, elements, line)
-    odd = next((e for e in elements if e is not None and e not in names), None)
-    if odd is not None:
-        raise inp.error(
-            f"{inp.command}: {odd} is not among the elements taken from the library ({', '.join(names)})", line
-        )
+    require_among(inp, elements, names, "taken from the library", line)
     parameters = None if file == "NULL" else inp.path(file, line)
     return MEAM.from_files(library, names, parameters, elements, units=inp.units, where=line.where)

@@ -11,7 +11,9 @@ from itertools import product
 import numpy as np
 
 from ...errors import AtcError, AtcWarning
-from .parameter_file import LARGE, read_parameter_file, same_units
+from ...readers.lammps.sections import number_of
+from .elements import require_known
+from .parameter_file import entries_of, number, numbers, read_parameter_file, same_units
 
 LATTICES = ("fcc", "bcc", "hcp", "dia", "sc", "dim", "b1", "b2", "l12")
 _LIBRARY = tuple("z ielement atwt alpha b0 b1 b2 b3 alat esub asub t0 t1 t2 t3 rozero ibar".split())
@@ -73,24 +75,9 @@ class MEAMParameters:
 def library_elements(text: str, path) -> dict[str, tuple[str, list[str]]]:
     """{element: (where, its 18 other words)} of a library file, of several entries for an element the first."""
     out: dict[str, tuple[str, list[str]]] = {}
-    words: list[str] = []
-    first = 0
-    for number, line in enumerate(text.splitlines(), 1):
-        new = [w.strip("'\"") for w in line.partition("#")[0].split()]
-        if not new:
-            continue
-        first = first if words else number
-        words += new
-        if len(words) > _WORDS:
-            raise AtcError(
-                f"{path}:{first}: expected {_WORDS} words (elt lat {' '.join(_LIBRARY)}) in a MEAM library entry, "
-                f"found {len(words)}"
-            )
-        if len(words) == _WORDS:
-            out.setdefault(words[0], (f"{path}:{first}", words[1:]))
-            words = []
-    if words:
-        raise AtcError(f"{path}:{first}: the last MEAM library entry has {len(words)} of {_WORDS} words: complete it")
+    for at, words in entries_of(text, path, _WORDS, "MEAM library", f"elt lat {' '.join(_LIBRARY)}"):
+        name, *more = (w.strip("'\"") for w in words)
+        out.setdefault(name, (at, more))
     return out
 
 
@@ -112,12 +99,11 @@ def read_meam(library, names, parameters=None, units_name: str = "metal", where:
     same_units(text, units_name, library, "MEAM")
     known = library_elements(text, library)
     rows, lat = [], []
+    require_known(names, known, library, where)
     for name in names:
-        if name not in known:
-            raise AtcError(f"{where or library}: {library} has no element {name!r}: it has {', '.join(known)}")
         at, (lattice, *words) = known[name]
         lat.append(_lattice(lattice, at))
-        rows.append(_numbers(words, at))
+        rows.append(numbers(words, _LIBRARY, at))
     v = dict(zip(_LIBRARY, np.array(rows).T, strict=True))
     m = len(names)
     for e, name in enumerate(names):
@@ -234,30 +220,16 @@ def _lattice(word, at) -> str:
     return word
 
 
-def _number(word, what, at) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = np.nan
-    if not abs(value) < LARGE:
-        raise AtcError(f"{at}: {what} must be a number, got {word!r}")
-    return value
-
-
-def _numbers(words, at) -> list[float]:
-    return [_number(w, key, at) for key, w in zip(_LIBRARY, words, strict=True)]
-
-
 def _read_settings(path, m, own, scalars, units_name, where):
     text = read_parameter_file(path, "MEAM parameter", where)
     same_units(text, units_name, path, "MEAM")
     # What is given for (J, I), J > I, LAMMPS reads and never uses, but for nn2 and zbl.
     ignored: dict[tuple, tuple[str, str, str]] = {}
-    for number, line in enumerate(text.splitlines(), 1):
+    for k, line in enumerate(text.splitlines(), 1):
         line = line.partition("#")[0].strip()
         if not line:
             continue
-        at = f"{path}:{number}"
+        at = f"{path}:{k}"
         match = _LINE.match(line)
         if not match or not match[3].split():
             raise AtcError(
@@ -267,7 +239,7 @@ def _read_settings(path, m, own, scalars, units_name, where):
         if key in _NAMES_OF_SCALARS:
             if index is not None:
                 raise AtcError(f"{at}: {key} has no indices, got {line!r}")
-            scalars[key] = _number(value, key, at) if isinstance(scalars[key], float) else _choice(key, value, at)
+            scalars[key] = number(value, key, at) if isinstance(scalars[key], float) else _choice(key, value, at)
             continue
         if key not in _INDICES:
             raise AtcError(
@@ -290,10 +262,10 @@ def _read_settings(path, m, own, scalars, units_name, where):
         elif key in ("nn2", "zbl"):
             own[key][i] = _choice(key, value, at)
         else:
-            own[key][i] = _number(value, key, at)
+            own[key][i] = number(value, key, at)
     for (key, i), (at, index, value) in ignored.items():
         used = own[key].get(i)
-        if str(used) != value and (used is None or not _is(value, used)):
+        if str(used) != value and (used is None or number_of(value) != used):
             pair = ",".join(str(k + 1) for k in i)
             warnings.warn(
                 f"{at}: LAMMPS does not use {key}({index}) = {value} but {key}({pair}), and so does this",
@@ -302,16 +274,9 @@ def _read_settings(path, m, own, scalars, units_name, where):
             )
 
 
-def _is(word, value) -> bool:
-    try:
-        return float(word) == value
-    except ValueError:
-        return False
-
-
 def _choice(key, value, at) -> int:
     choices = {"ialloy": (0, 1, 2), "erose_form": (0, 1, 2)}.get(key, (0, 1))
-    v = _number(value, key, at)
+    v = number(value, key, at)
     if v not in choices:
         raise AtcError(f"{at}: {key} must be one of {', '.join(map(str, choices))}, got {value}")
     return int(v)

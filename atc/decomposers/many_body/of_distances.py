@@ -15,6 +15,7 @@ from ...units import units as system
 from ..autodiff import compiled
 from ..base import Accumulator, Work
 from ..bonded.cluster import ClusterTerm, cluster_bonds, first_not_finite, weights_of
+from ..numbering import atoms_of_ids
 from ..recording import batch_source
 from .neighbor_work import NeighborWork, made, room, shares
 
@@ -240,12 +241,7 @@ class ManyBody(ClusterTerm):
     def terms_of(self, frame: Frame):
         t = self.tuples
         if self.by_id:
-            place = np.searchsorted(frame.ids, t)
-            found = (
-                (place < len(frame)) & (frame.ids[np.minimum(place, len(frame) - 1)] == t)
-                if len(frame)
-                else np.zeros(t.shape, bool)
-            )
+            place, found = atoms_of_ids(frame, t)
             if not found.all():
                 raise AtcError(
                     f"{frame.source}: {self.name} names atom {int(t[~found][0])}, which is not in this frame"

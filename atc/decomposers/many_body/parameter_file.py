@@ -23,46 +23,47 @@ def read_parameter_file(path, what: str, where: str = "") -> str:
     return whole_text(path, what, where)
 
 
-def _overflows(word: str) -> bool:
-    """Whether a word is what computers write for a number that is none."""
-    return word.lower().lstrip("+-") in ("nan", "inf", "infinity")
+def word_lines(text: str, skip: int = 0) -> list[tuple[int, list[str]]]:
+    """(number, words) of the lines behind the first `skip` that hold more than a comment."""
+    lines = enumerate(text.splitlines()[skip:], skip + 1)
+    return [(k, words) for k, line in lines if (words := line.partition("#")[0].split())]
 
 
-def element_entries(text: str, path, keys, elements, what: str) -> Iterator[tuple[str, tuple[str, ...], list[float]]]:
-    """Every entry of `text` whose elements are all among `elements`: where it begins, its three elements, and a number
-    for each of `keys`."""
-    length = 3 + len(keys)
+def number(word: str, what: str, at: str, positive: bool = False) -> float:
+    """A number of a potential; AtcError at `at` where the word is none."""
+    value = number_of(word)
+    if value is None or not abs(value) < LARGE or (positive and not value > 0):
+        # What computers write for a number that is none.
+        odd = value is not None or word.lower().lstrip("+-") in ("nan", "inf", "infinity")
+        wanted = "a positive number" if positive else f"a finite number below {LARGE:g}" if odd else "a number"
+        raise AtcError(f"{at}: {what} must be {wanted}, got {shortened(word)!r}")
+    return value
+
+
+def numbers(words, keys, at: str) -> list[float]:
+    """A number for each of `keys`."""
+    if len(words) != len(keys):
+        raise AtcError(f"{at}: expected {len(keys)} numbers ({' '.join(keys)}), got {shortened(' '.join(words))!r}")
+    return [number(word, key, at) for key, word in zip(keys, words, strict=True)]
+
+
+def entries_of(text: str, path, length: int, what: str, form: str) -> Iterator[tuple[str, list[str]]]:
+    """(where, words) of the `what` entries of a text: `length` words each (`form`), on any number of lines."""
     words: list[str] = []
     first = 0
-    for number, line in enumerate(text.splitlines(), 1):
-        new = line.partition("#")[0].split()
-        if not new:
-            continue
-        first = first if words else number
+    for k, new in word_lines(text):
+        first = first if words else k
         words += new
-        if len(words) < length:
-            continue
-        here = f"{path}:{first}"
         if len(words) > length:
             raise AtcError(
-                f"{here}: expected 3 elements and {len(keys)} numbers ({' '.join(keys)}) in a {what} entry, found "
-                f"{len(words)} words"
+                f"{path}:{first}: expected {length} words ({form}) in a {what} entry, found {len(words)} words"
             )
-        names, words = tuple(words[:3]), words[3:]
-        if all(n in elements for n in names):
-            values = []
-            for key, word in zip(keys, words, strict=True):
-                value = number_of(word)
-                if value is None or not abs(value) < LARGE:
-                    wanted = f"a finite number below {LARGE:g}" if value is not None or _overflows(word) else "a number"
-                    raise AtcError(f"{here}: {key} must be {wanted} in a {what} entry, found {shortened(word)!r}")
-                values.append(value)
-            yield here, names, values
-        words = []
+        if len(words) == length:
+            yield f"{path}:{first}", words
+            words = []
     if words:
         raise AtcError(
-            f"{path}:{first}: the last {what} entry has {len(words)} of {length} words (3 elements and "
-            f"{' '.join(keys)}): complete it"
+            f"{path}:{first}: the last {what} entry has {len(words)} of {length} words ({form}): complete it"
         )
 
 
@@ -139,8 +140,11 @@ def read_entries(path, elements, units_name: str, kind, where: str = "") -> dict
     factor = energy_conversion(text, units_name, path)
     entries: dict[tuple, object] = {}
     keys = kind.keys()
-    for here, names, values in element_entries(text, path, keys, elements, kind.what):
-        entry = kind(**dict(zip(keys, values, strict=True)), where=here)
+    for here, words in entries_of(text, path, 3 + len(keys), kind.what, f"3 elements and {' '.join(keys)}"):
+        names = tuple(words[:3])
+        if not all(name in elements for name in names):
+            continue
+        entry = kind(**dict(zip(keys, numbers(words[3:], keys, here), strict=True)), where=here)
         if wrong := entry.check():
             raise AtcError(f"{here}: {wrong}")
         if names in entries:

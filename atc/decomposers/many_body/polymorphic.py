@@ -17,7 +17,7 @@ from .centred import Centred
 from .elements import ElementMap, mapped_style, require_known
 from .embedded_atom import cubic, spline
 from .neighborhood import around, between_neighbors, share_half
-from .parameter_file import LARGE, Rows, read_parameter_file, same_units
+from .parameter_file import LARGE, Rows, read_parameter_file, same_units, word_lines
 from .tersoff import _PAIR
 
 
@@ -49,7 +49,7 @@ def read_polymorphic(path, units_name: str = "metal", where: str = "") -> Polymo
     """
     text = read_parameter_file(path, "polymorphic", where)
     same_units(text, units_name, path, "polymorphic")
-    lines = [(k, w) for k, line in enumerate(text.splitlines(), 1) if (w := line.partition("#")[0].split())]
+    lines = word_lines(text)
     rows = Rows(path, lines)
     row = rows.values
     (m, eta), at = row("the number of elements and eta", (int, int))
@@ -142,8 +142,8 @@ class Polymorphic(Centred):
         self.per_r = (nr - 1) / self.cut
         self.per_p = (nr - 1) / (2.0 * self.cutoff)
         self.per_g, self.per_x = (t.G.shape[-1] - 1) / 2.0, (t.F.shape[-1] - 1) / t.xmax
-        self.U, self.F = np.ascontiguousarray(spline(t.U * energy)), np.ascontiguousarray(spline(t.F * energy))
-        self.V, self.W, self.P, self.G = (np.ascontiguousarray(spline(x)) for x in (t.V, t.W, t.P, t.G))
+        self.U, self.F = spline(t.U * energy), spline(t.F * energy)
+        self.V, self.W, self.P, self.G = (spline(x) for x in (t.V, t.W, t.P, t.G))
 
     @classmethod
     def from_file(

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import AtcError
-from ...readers.lammps.sections import number_of, shortened
+from ...readers.lammps.sections import shortened
 from ...readers.whole import whole_text
-from .parameter_file import LARGE, units_tag
+from .elements import require_known
+from .parameter_file import number, same_units, word_lines
 from .snap_tables import triples
 
 #: Keys of the parameter file and their defaults (None: required), by what their values are.
@@ -74,9 +75,7 @@ def read_snap(coefficients, parameters, elements=None, units_name: str = "metal"
     values, lists = _parameters(parameters, units_name, where)
     flags = {key: values[key] for key in _FLAGS}
     if elements is not None:
-        odd = next((e for e in elements if e not in names), None)
-        if odd is not None:
-            raise AtcError(f"{where or coefficients}: {coefficients} has no element {odd!r}: it has {', '.join(names)}")
+        require_known(elements, names, coefficients, where)
         if flags["chemflag"] and len(elements) < len(names):
             raise AtcError(
                 f"{where or coefficients}: with chemflag every element of {coefficients} ({', '.join(names)}) must be "
@@ -154,29 +153,12 @@ def _require_alike(beta, alpha, top, t, path):
 def _lines(path, what, units_name, where):
     """(line number, words) of all lines that say something."""
     text = whole_text(path, what, where)
-    has = units_tag(text)
-    if has not in (None, units_name):
-        raise AtcError(
-            f"{path}: this file is in {has!r} units (its UNITS: tag) and the model in {units_name!r}: use a file in "
-            f"{units_name!r} units"
-        )
-    for number, line in enumerate(text.splitlines(), 1):
-        words = line.partition("#")[0].split()
-        if words:
-            yield number, words
-
-
-def _number(path, at, key, word, positive=False):
-    value = number_of(word)
-    if value is None or not abs(value) < LARGE or (positive and not value > 0):
-        raise AtcError(
-            f"{path}:{at}: expected a {'positive ' if positive else ''}number for {key}, got {shortened(word)!r}"
-        )
-    return value
+    same_units(text, units_name, path, "SNAP")
+    return word_lines(text)
 
 
 def _coefficients(path, units_name, where):
-    lines = list(_lines(path, "SNAP coefficient", units_name, where))
+    lines = _lines(path, "SNAP coefficient", units_name, where)
 
     def line(k, wants, count):
         if k >= len(lines):
@@ -195,10 +177,10 @@ def _coefficients(path, units_name, where):
         k = 1 + e * (count + 1)
         at, words = line(k, "an element, its radius and its weight", 3)
         names.append(words[0])
-        radius.append(_number(path, at, "the radius", words[1], positive=True))
-        share.append(_number(path, at, "the weight", words[2]))
+        radius.append(number(words[1], "the radius", f"{path}:{at}", positive=True))
+        share.append(number(words[2], "the weight", f"{path}:{at}"))
         row = (line(k + 1 + m, f"a coefficient of {words[0]}", 1) for m in range(count))
-        rows.append([_number(path, at, "a coefficient", word) for at, (word,) in row])
+        rows.append([number(word, "a coefficient", f"{path}:{at}") for at, (word,) in row])
     if len(lines) > 1 + t * (count + 1):
         raise AtcError(
             f"{path}:{lines[1 + t * (count + 1)][0]}: more lines than {t} elements with {count} coefficients have"
@@ -216,7 +198,7 @@ def _parameters(path, units_name, where):
         if key in _IGNORED:
             continue
         if key in ("sinner", "dinner"):
-            lists[key] = [_number(path, at, key, w) for w in words[1:]]
+            lists[key] = [number(w, key, f"{path}:{at}") for w in words[1:]]
             continue
         if key not in _NUMBERS and key not in _FLAGS and key != "twojmax":
             known = ", ".join(["twojmax", *_NUMBERS, *_FLAGS, "sinner", "dinner"])
@@ -224,7 +206,7 @@ def _parameters(path, units_name, where):
         if len(words) != 2:
             raise AtcError(f"{path}:{at}: expected one value behind {key}, got {shortened(' '.join(words[1:]))!r}")
         if key in _NUMBERS:
-            values[key] = _number(path, at, key, words[1], positive=key != "rmin0")
+            values[key] = number(words[1], key, f"{path}:{at}", positive=key != "rmin0")
         elif key == "twojmax":
             if not words[1].isdigit() or int(words[1]) > _MOST:
                 raise AtcError(f"{path}:{at}: expected a whole number from 0 to {_MOST} for twojmax, got {words[1]!r}")

@@ -14,7 +14,7 @@ everything that the triplets at both of its ends add to it:
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
@@ -25,13 +25,12 @@ from ...units import Units
 from ...units import units as system
 from ..base import two_body_sources
 from ..registry import pair_style
-from .elements import mapped_line, named_elements
+from .elements import mapped_line
 from .entries import OfTriplets
 from .neighbor_work import TripletWork, shares
-from .parameter_file import read_entries
 from .stillinger_weber_file import SWEntry
 from .stillinger_weber_kernels import SQUARE, SWITCHED, sw_pairs
-from .twin_entries import agree
+from .twin_entries import agree, both, require_alike
 
 
 class _SWWork(TripletWork):
@@ -134,38 +133,13 @@ class StillingerWeber(OfTriplets):
     def from_entries(
         cls, entries: dict, elements, *, units: str | Units = "metal", threebody: bool = True, partition="equal"
     ) -> StillingerWeber:
-        """Several elements. `entries` maps (elem1, elem2, elem3), elem1 at the centre, to `SWEntry` or dicts of its
-        fields; `elements` names the element of each atom type from 1, None for types left out."""
+        """Several elements, see `OfEntries.from_entries`."""
         self = cls.__new__(cls)
         self._build(entries, elements, units, threebody, partition)
         return self
 
-    @classmethod
-    def from_file(
-        cls,
-        path,
-        elements,
-        *,
-        units: str | Units = "metal",
-        threebody: bool = True,
-        partition="equal",
-        where: str = "",
-    ) -> StillingerWeber:
-        """From a LAMMPS parameter file, e.g. ``StillingerWeber.from_file("Si.sw", ["Si"])``: see
-        `OfEntries.from_file`."""
-        entries = read_entries(path, named_elements(elements), system(units).name, cls.entry, where)
-        return cls.from_entries(entries, elements, units=units, threebody=threebody, partition=partition)
-
     def _build(self, entries, elements, units_, threebody, partition):
         self.share(partition)
-        entries = {tuple(k): v if isinstance(v, SWEntry) else SWEntry(**v) for k, v in entries.items()}
-        for triple, e in entries.items():
-            for key in e.keys():
-                v = getattr(e, key)
-                if not np.isfinite(v) or (v < 0 and key not in e.signed):
-                    raise AtcError(
-                        f"{e.where}: {key} of {' '.join(triple)} must be a finite number that is not negative, got {v}"
-                    )
         u = system(units_)
         entries, names = self.take(entries, elements, u)
         self.elements, self.names = elements, names
@@ -204,31 +178,23 @@ class StillingerWeber(OfTriplets):
 
     def _symmetric(self, entries):
         """Where LAMMPS would take one of two entries by the numbering of the atoms, they must say the same."""
-        names = self.names
-        for i, j in product(range(len(names)), repeat=2):
-            e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
-            what = f"{e.where} and {f.where}: the two-body terms of {names[i]} and {names[j]} in both entries"
-            unit = self.units.label("energy")
-            if j > i and not agree(self.pair[i, j, :7], self.pair[j, i, :7], what, self._two_body, unit):
-                raise AtcError(
-                    f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} "
-                    f"{names[i]} give different two-body terms or cutoffs "
-                    "for the same pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
-                )
-            for k in range(j + 1, len(names)):
-                x, y = self.triplet[i, j, k], self.triplet[i, k, j]
-                e, f = entries[names[i], names[j], names[k]], entries[names[i], names[k], names[j]]
-                what = (
-                    f"{e.where} and {f.where}: lambda*epsilon or costheta0 of {names[j]}-{names[i]}-{names[k]} in "
-                    "both entries"
-                )
-                if not agree(x, y, what):
-                    raise AtcError(
-                        f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[k]} and {names[i]} "
-                        f"{names[k]} {names[j]} give different lambda*epsilon or costheta0 for the same triplet, of "
-                        "which LAMMPS takes one by the order of its neighbour list: make them equal"
-                    )
-                self.triplet[i, j, k] = self.triplet[i, k, j] = 0.5 * (x + y)
+        names, unit = self.names, self.units.label("energy")
+        for (i, a), (j, b) in combinations(enumerate(names), 2):
+            twins = entries, (a, b, b), (b, a, a)
+            what = f"{both(*twins)}: the two-body terms of {a} and {b} in both entries"
+            alike = agree(self.pair[i, j, :7], self.pair[j, i, :7], what, self._two_body, unit)
+            what = "two-body terms or cutoffs for the same pair, of which LAMMPS takes one by the atoms' numbers"
+            require_alike(*twins, alike, what)
+        for (i, a), ((j, b), (k, c)) in product(enumerate(names), combinations(enumerate(names), 2)):
+            twins = entries, (a, b, c), (a, c, b)
+            x, y = self.triplet[i, j, k], self.triplet[i, k, j]
+            what = f"{both(*twins)}: lambda*epsilon or costheta0 of {b}-{a}-{c} in both entries"
+            alike = agree(x, y, what)
+            what = (
+                "lambda*epsilon or costheta0 for the same triplet, of which LAMMPS takes one by the order of its list"
+            )
+            require_alike(*twins, alike, what)
+            self.triplet[i, j, k] = self.triplet[i, k, j] = 0.5 * (x + y)
         mean = 0.5 * (self.pair + self.pair.transpose(1, 0, 2))
         self.pair[..., :7] = mean[..., :7]
 

@@ -7,7 +7,7 @@ bonds of their own; one bond a pair.
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import combinations, product
 from types import MappingProxyType
 
 import numpy as np
@@ -21,7 +21,7 @@ from .elements import mapped_line
 from .entries import OfEntries
 from .tersoff_file import TersoffEntry
 from .tersoff_kernels import SINE, TERSOFF, bond_orders, repulsions
-from .twin_entries import agree
+from .twin_entries import agree, both, require_alike
 
 #: Columns of the tables of pairs and of triplets, and those of a pair's repulsion that only some variants have.
 _TWO, _THREE, _CORE = 17, 11, [12, 13, 14, 15, 16]
@@ -119,23 +119,15 @@ class Tersoff(Centred, OfEntries):
     def _symmetric(self, entries, names):
         """The repulsion of a pair, which LAMMPS takes from one of two entries by the numbering of the atoms, must be
         the same in both."""
-        for i, j in product(range(len(names)), repeat=2):
-            if j <= i:
-                continue
-            e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
-            what = f"{e.where} and {f.where}: the repulsion of {names[i]} and {names[j]} in both entries"
-            if not agree(self.two[i, j, :4], self.two[j, i, :4], what, self._repulsive, self.units.label("energy")):
-                raise AtcError(
-                    f"{e.where} and {f.where}: the entries {names[i]} {names[j]} {names[j]} and {names[j]} {names[i]} "
-                    f"{names[i]} give different R, D, A or lambda1 for the "
-                    "repulsion of one pair, of which LAMMPS takes one by the atoms' numbers: make them equal"
-                )
-            if j > i and not np.allclose(self.two[i, j, _CORE], self.two[j, i, _CORE], rtol=1e-5, atol=0):
-                e, f = entries[names[i], names[j], names[j]], entries[names[j], names[i], names[i]]
-                raise AtcError(
-                    f"{e.where} and {f.where}: different c0 or ZBL numbers for the repulsion of one pair: make them "
-                    "equal"
-                )
+        unit = self.units.label("energy")
+        for (i, a), (j, b) in combinations(enumerate(names), 2):
+            twins, x, y = (entries, (a, b, b), (b, a, a)), self.two[i, j], self.two[j, i]
+            what = f"{both(*twins)}: the repulsion of {a} and {b} in both entries"
+            alike = agree(x[:4], y[:4], what, self._repulsive, unit)
+            one = "the repulsion of one pair, of which LAMMPS takes one by the atoms' numbers"
+            require_alike(*twins, alike, f"R, D, A or lambda1 for {one}")
+            alike = np.allclose(x[_CORE], y[_CORE], rtol=1e-5, atol=0)
+            require_alike(*twins, alike, f"c0 or ZBL numbers for {one}")
         self.repulsion = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
 
     def _repulsive(self, row):

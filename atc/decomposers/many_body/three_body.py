@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from typing import ClassVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from .entries import Entry, OfTriplets
 from .neighbor_work import TripletWork, shares
 from .neighborhood import share_half
 from .stillinger_weber_kernels import HARMONIC, SATURATED
+from .twin_entries import require_alike
 
 # Which function of the distance an arm has in triplets: exp(γ/(d − r0)), 1, exp(−d/ρ); all 0 at and beyond r0.
 _EXPONENTIAL, _PLAIN, _SCREENED = 0, 1, 2
@@ -83,22 +84,17 @@ class ThreeBody(OfTriplets):
     def _symmetric(self, entries, names):
         """Where LAMMPS would take one of two entries by the numbering of the atoms, they must say the same (published
         files round to seven digits)."""
-        for i, j, k in product(range(len(names)), repeat=3):
-            a, b, c = names[i], names[j], names[k]
-            if j == k and i < j and not np.allclose(self.pair[i, j], self.pair[j, i], rtol=1e-5, atol=0):
-                e, f = entries[a, b, b], entries[b, a, a]
-                raise AtcError(
-                    f"{e.where} and {f.where}: the entries {a} {b} {b} and {b} {a} {a} give different two-body terms "
-                    "for one pair: make them equal"
-                )
-            if j < k and not np.allclose(self.triplet[i, j, k], self.triplet[i, k, j], rtol=1e-5, atol=0):
-                if min(self.arms[i, j, 0], self.arms[i, k, 0]) <= 0.0:
-                    continue
-                e, f = entries[a, b, c], entries[a, c, b]
-                raise AtcError(
-                    f"{e.where} and {f.where}: the entries {a} {b} {c} and {a} {c} {b} give different angles for one "
-                    "triplet: make them equal"
-                )
+
+        def same(one, other):
+            return np.allclose(one, other, rtol=1e-5, atol=0)
+
+        for (i, a), (j, b) in combinations(enumerate(names), 2):
+            alike = same(self.pair[i, j], self.pair[j, i])
+            require_alike(entries, (a, b, b), (b, a, a), alike, "two-body terms for one pair")
+        for (i, a), ((j, b), (k, c)) in product(enumerate(names), combinations(enumerate(names), 2)):
+            alike = same(self.triplet[i, j, k], self.triplet[i, k, j])
+            idle = min(self.arms[i, j, 0], self.arms[i, k, 0]) <= 0.0
+            require_alike(entries, (a, b, c), (a, c, b), alike or idle, "angles for one triplet")
         self.pair = np.ascontiguousarray(0.5 * (self.pair + self.pair.transpose(1, 0, 2)))
         self.triplet = np.ascontiguousarray(0.5 * (self.triplet + self.triplet.transpose(0, 2, 1, 3)))
 

@@ -11,12 +11,26 @@ import warnings
 
 import numpy as np
 
-from ...errors import AtcWarning
+from ...errors import AtcError, AtcWarning
 
 # Published files round: products that are equal on paper may differ in the seventh digit, which is not worth a word.
 _SAME = 1e-5
 # SiC_1994.tersoff has D to five and to six digits, 6e-5 apart.
 _ROUNDED = 2e-4
+
+
+def both(entries, one, other) -> str:
+    """Where two entries stand."""
+    return f"{entries[one].where} and {entries[other].where}"
+
+
+def require_alike(entries, one, other, alike: bool, what: str) -> None:
+    """Raise AtcError where two entries, by their elements, differ in `what` they say."""
+    if not alike:
+        raise AtcError(
+            f"{both(entries, one, other)}: the entries {' '.join(one)} and {' '.join(other)} give different {what}: "
+            "make them equal"
+        )
 
 
 def agree(one, other, where: str, energy=None, unit: str = "") -> bool:

@@ -208,15 +208,15 @@ class _Formulas:
         return u * self.units.energy, du * (self.units.energy / size)
 
 
-class FormulaBond(_Formulas, LeptonBond):
+class FormulaBond(_Formulas, LeptonBond, style=False):
     """U(d) of bonds."""
 
 
-class FormulaAngle(_Formulas, LeptonAngle):
+class FormulaAngle(_Formulas, LeptonAngle, style=False):
     """U(θ) of angles; sin θ is clamped at 0.001."""
 
 
-class FormulaTorsion(_Formulas, LeptonTorsion):
+class FormulaTorsion(_Formulas, LeptonTorsion, style=False):
     """U(φ) of torsions, −π < φ ≤ π."""
 
     @staticmethod

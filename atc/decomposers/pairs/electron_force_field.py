@@ -161,32 +161,20 @@ def _eff(types, i, j, d2, table, C, hbar2_m, spin, size, q, U, G):
         # Each particle is a point of charge (a nucleus) and ν electrons of its size.
         zm, zn = (q[m] if spin[m] != 1 and spin[m] != -1 else 0.0), (q[n] if spin[n] != 1 and spin[n] != -1 else 0.0)
         vm, vn = abs(spin[m]), abs(spin[n])
-        if zm * zn != 0.0:
-            x, dx = _sphere(r, 0.0)
-            u += C * zm * zn * x
-            g += C * zm * zn * dx
-        if zm != 0.0 and vn > 0:
-            x, dx = _sphere(r, size[n])
-            u -= C * zm * vn * x
-            g -= C * zm * vn * dx
-        if zn != 0.0 and vm > 0:
-            x, dx = _sphere(r, size[m])
-            u -= C * zn * vm * x
-            g -= C * zn * vm * dx
+        both = math.sqrt(size[m] * size[m] + size[n] * size[n])
+        for z, a in ((zm * zn, 0.0), (-zm * vn, size[n]), (-zn * vm, size[m]), (float(vm * vn), both)):
+            if z != 0.0:
+                x, dx = _sphere(r, a)
+                u += C * z * x
+                g += C * z * dx
         if vm > 0 and vn > 0:
-            x, dx = _sphere(r, math.sqrt(size[m] * size[m] + size[n] * size[n]))
-            u += C * vm * vn * x
-            g += C * vm * vn * dx
             # Of the electrons of two cores one pair of each spin each way: half of them have the same.
             alike = 0.0 if vm == 1 and vn == 1 and spin[m] != spin[n] else 1.0 if vm == 1 and vn == 1 else 0.5 * vm * vn
-            if alike > 0.0:
-                x, dx = _pauli(r, size[m], size[n], True)
-                u += hbar2_m * alike * x
-                g += hbar2_m * alike * dx
-            if alike < vm * vn:
-                x, dx = _pauli(r, size[m], size[n], False)
-                u += hbar2_m * (vm * vn - alike) * x
-                g += hbar2_m * (vm * vn - alike) * dx
+            for number, same in ((alike, True), (vm * vn - alike, False)):
+                if number > 0.0:
+                    x, dx = _pauli(r, size[m], size[n], same)
+                    u += hbar2_m * number * x
+                    g += hbar2_m * number * dx
         y = r / math.sqrt(rc2)
         y2 = y * y
         f = 1.0 + y2 * y2 * (-35.0 + y * (84.0 + y * (-70.0 + 20.0 * y)))

@@ -76,29 +76,24 @@ class Exclusions:
             bits = np.where(bits & (1 << k), bits, bits | outside)
             both = np.int64(1 << k) | outside
             a, b = np.append(a, outside), np.append(b, both)
-        return _Excluded(frame.types.astype(np.int32), mask, bits, molecules, a, b, same, different)
+        return _Excluded((frame.types.astype(np.int32), bits, molecules), (mask, a, b, same, different))
 
 
 @dataclass(frozen=True)
 class _Excluded:
-    types: np.ndarray
-    mask: np.ndarray
-    bits: np.ndarray
-    molecules: np.ndarray
-    a: np.ndarray
-    b: np.ndarray
-    same: np.ndarray
-    different: np.ndarray
+    """Types, groups and molecules of a frame's atoms, and the rules about them."""
+
+    atoms: tuple[np.ndarray, ...]
+    rules: tuple[np.ndarray, ...]
 
     def leave_out(self, ws, n: int) -> int:
         """Take the pairs out of the first n of a workspace; how many are left."""
-        rules = self.mask, self.a, self.b, self.same, self.different
-        return _leave_out((ws.i, ws.j, ws.r, ws.d2), n, self.types, self.bits, self.molecules, rules)
+        return _leave_out((ws.i, ws.j, ws.r, ws.d2), n, self.atoms, self.rules)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _leave_out(pairs, n, types, bits, molecules, rules):
-    (i, j, r, d2), (mask, a, b, same, different) = pairs, rules
+def _leave_out(pairs, n, atoms, rules):
+    (i, j, r, d2), (types, bits, molecules), (mask, a, b, same, different) = pairs, atoms, rules
     m = 0
     for k in range(n):
         p, q = i[k], j[k]

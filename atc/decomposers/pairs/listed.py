@@ -9,6 +9,7 @@ from ...frame import Frame
 from ...readers.whole import whole_text
 from ..base import Accumulator
 from ..bonded.cluster import ClusterTerm, first_not_finite
+from ..numbering import atoms_of_ids
 from ..registry import StyleInput, pair_style
 
 _PER_LENGTH = {"length": -1}
@@ -49,14 +50,11 @@ class ListedPairs(ClusterTerm):
         return f"{len(self.ids)} listed pairs, energy shared half to each atom"
 
     def terms_of(self, frame: Frame):
-        order = np.argsort(frame.ids)
-        at = np.searchsorted(frame.ids, self.ids, sorter=order)
-        found = at < len(order)
-        atoms = order[np.where(found, at, 0)] if len(order) else np.zeros_like(at)
-        missing = self.ids[~found | (frame.ids[atoms] != self.ids)] if len(order) else self.ids.ravel()
-        if len(missing):
+        atoms, found = atoms_of_ids(frame, self.ids)
+        if not found.all():
+            missing = self.ids[~found][0]
             raise AtcError(
-                f"{frame.source}: {self.where} names atom {missing[0]}, which is not in this frame: dump all atoms"
+                f"{frame.source}: {self.where} names atom {missing}, which is not in this frame: dump all atoms"
             )
         return np.ascontiguousarray(atoms, dtype=np.int32), np.arange(len(atoms), dtype=np.int32)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...compiled import njit
 from ...errors import AtcError
+from ..numbering import pair_codes
 
 _PRESETS = {
     "amber": ((0.0, 0.0, 0.5), (0.0, 0.0, 5.0 / 6.0)),
@@ -130,11 +131,9 @@ class SpecialBonds:
         bonds = np.unique(np.sort(np.asarray(top.bonds, np.int64), axis=1), axis=0)
         start, other = _neighbours(bonds, n)
         a, d = np.asarray(top.angles, np.int64), np.asarray(top.dihedrals, np.int64)
-        joined13 = np.concatenate([_keys(a[:, [0, 2]], n), _keys(d[:, [0, 2]], n), _keys(d[:, [1, 3]], n)])
-        joined14 = _keys(d[:, [0, 3]], n)
-        start, other, apart = _special(
-            n, start, other, self.angle, np.unique(joined13), self.dihedral, np.unique(joined14)
-        )
+        joined13 = np.unique(pair_codes(np.concatenate([a[:, [0, 2]], d[:, [0, 2]], d[:, [1, 3]]]), n))
+        joined14 = np.unique(pair_codes(d[:, [0, 3]], n))
+        start, other, apart = _special(n, start, other, self.angle, joined13, self.dihedral, joined14)
         return start, other, apart, special_hints(start, other)
 
 
@@ -181,11 +180,6 @@ def _three(words, key, where):
     return out
 
 
-def _keys(pairs, n):
-    p = np.sort(pairs, axis=1)
-    return p[:, 0] * n + p[:, 1]
-
-
 def _neighbours(bonds, n):
     """CSR adjacency of undirected bonds."""
     both = np.concatenate([bonds, bonds[:, ::-1]])
@@ -207,7 +201,7 @@ def _special(n, start, other, trim13, joined13, trim14, joined14):
     capacity = 16 * n + 64
     out = np.empty(capacity, np.int32)
     apart = np.empty(capacity, np.int8)
-    m = np.int64(0)  # not the literal, for which `_room` would be compiled once more
+    m = np.int64(0)  # not the literal, for which `_put` would be compiled once more
     for i in range(n):
         seen[i] = i
         for level in range(1, 4):
@@ -216,9 +210,7 @@ def _special(n, start, other, trim13, joined13, trim14, joined14):
                 if level == 1:
                     if seen[j] != i:
                         seen[j] = i
-                        out, apart = _room(out, apart, m)
-                        out[m], apart[m] = j, 1
-                        m += 1
+                        out, apart, m = _put(out, apart, m, j, 1)
                     continue
                 for b in range(start[j], start[j + 1]):
                     k = other[b]
@@ -227,31 +219,28 @@ def _special(n, start, other, trim13, joined13, trim14, joined14):
                     if level == 2:
                         if seen[k] != i and (not trim13 or _joined(joined13, n, i, k)):
                             seen[k] = i
-                            out, apart = _room(out, apart, m)
-                            out[m], apart[m] = k, 2
-                            m += 1
+                            out, apart, m = _put(out, apart, m, k, 2)
                         continue
                     for c in range(start[k], start[k + 1]):
                         l = other[c]
                         if seen[l] != i and (not trim14 or _joined(joined14, n, i, l)):
                             seen[l] = i
-                            out, apart = _room(out, apart, m)
-                            out[m], apart[m] = l, 3
-                            m += 1
+                            out, apart, m = _put(out, apart, m, l, 3)
         first[i + 1] = m
     return first, out[:m].copy(), apart[:m].copy()
 
 
 @njit(cache=True, error_model="numpy")
-def _room(out, apart, m):
-    if m < len(out):
-        return out, apart
-    o = np.empty(2 * len(out), np.int32)
-    a = np.empty(2 * len(out), np.int8)
-    # One by one: an assignment of arrays would bring numba's messages on shapes along, seconds of compiling.
-    for k in range(m):
-        o[k], a[k] = out[k], apart[k]
-    return o, a
+def _put(out, apart, m, other, level):
+    """Put one more behind m neighbours, in longer arrays where these are full."""
+    o, a = out, apart
+    if m == len(out):
+        o, a = np.empty(2 * m, np.int32), np.empty(2 * m, np.int8)
+        # One by one: an assignment of arrays would bring numba's messages on shapes along, seconds of compiling.
+        for k in range(m):
+            o[k], a[k] = out[k], apart[k]
+    o[m], a[m] = other, level
+    return o, a, m + 1
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,6 +12,7 @@ from ...errors import AtcError
 from ...frame import Frame
 from ...neighbors.verlet import using
 from ..constraints.virtual_sites import FrameWithSites, Places
+from ..numbering import atoms_of_ids
 from ..registry import StyleInput, pair_style
 from .coulomb import CoulombCut, wanted_pairs
 from .coulomb_long import lj_long, long_style
@@ -40,14 +41,11 @@ class TIP4P:
         return f"the charge of every oxygen (type {self.oxygen}) at O + {0.5 * self.a:.6g} (OH1 + OH2)"
 
     def places(self, frame: Frame) -> Places:
-        types, ids = frame.types, frame.ids
-        O = np.flatnonzero(types == self.oxygen)
-        n = len(frame)
-        at = np.searchsorted(ids, ids[O][:, None] + [1, 2])
-        found = np.minimum(at, max(n - 1, 0))
-        good = (at < n) & (ids[found] == ids[O][:, None] + [1, 2]) & (types[found] == self.hydrogen)
+        O = np.flatnonzero(frame.types == self.oxygen)
+        found, good = atoms_of_ids(frame, frame.ids[O][:, None] + [1, 2])
+        good &= frame.types[found] == self.hydrogen
         if not good.all():
-            bad = ids[O[np.argmin(good.all(1))]]
+            bad = frame.ids[O[np.argmin(good.all(1))]]
             raise AtcError(
                 f"{frame.source}: atom {bad} is the oxygen of a four-point water (type {self.oxygen}, {self.where}), "
                 f"but atoms {bad + 1} and {bad + 2} are not its hydrogens (type {self.hydrogen}): their ids must "
