@@ -195,7 +195,11 @@ GOOD = text(["1 1 0.5 1.0 2.0", "2 2 1.5 1.0 2.0"], " # atomic", after="Velociti
         ("2 2 1.5 1.0 2.0", "2 2 1.5 a 2.0", r"line 18: column 'y' of section Atoms holds 'a', expected a number"),
         ("2 2 1.5 1.0 2.0", "1 2 1.5 1.0 2.0", r"atom 1 is there twice in section Atoms"),
         ("2 2 1.5 1.0 2.0", "2 0 1.5 1.0 2.0", r"atom 2 has type 0; types count from 1"),
-        ("2 2 1.5 1.0 2.0", "2 Si 1.5 1.0 2.0", r"line 18: column 'type' of section Atoms holds 'Si', expected an integer"),
+        (
+            "2 2 1.5 1.0 2.0",
+            "2 Si 1.5 1.0 2.0",
+            r"line 18: column 'type' of section Atoms holds 'Si', expected an integer",
+        ),
         (
             "2 2 1.5 1.0 2.0\n",
             "",
