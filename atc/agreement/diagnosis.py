@@ -253,9 +253,8 @@ def _rigid(c: _Case) -> str:
     fixed = [t for t in np.unique(kinds[bonds]) if (kinds == t).sum() > 1 and _spread(lengths[kinds == t]) < RIGID]
     if not fixed:
         return ""
-    held = np.isin(kinds, fixed) | (
-        (kinds < 0) & np.isin(kinds, [t for t in np.unique(kinds[~bonds]) if _spread(lengths[kinds == t]) < RIGID])
-    )
+    thirds = [t for t in np.unique(kinds[~bonds]) if _spread(lengths[kinds == t]) < RIGID]
+    held = np.isin(kinds, [*fixed, *thirds])
     if _left_along(c, ends[held], e_bc[held]):
         names = ", ".join(map(str, fixed))
         return (
@@ -378,11 +377,9 @@ def _charges(c: _Case) -> str:
 
 def _coulomb_forces(c: _Case, q):
     """What of the potential's forces depends on charges `q`."""
+    frames = c.frame.replace(charges=q), c.frame.replace(charges=np.zeros(len(q)))
     try:
-        with_q, without = (
-            c.pot.stream(c.frame.replace(charges=charges), None, threads=c.threads, forces=True).forces_nc
-            for charges in (q, np.zeros(len(q)))
-        )
+        with_q, without = (c.pot.stream(f, None, threads=c.threads, forces=True).forces_nc for f in frames)
     except AtcError:
         return None
     return with_q - without

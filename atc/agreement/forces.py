@@ -90,9 +90,8 @@ class ForceCheck:
         if self.looks:
             text += f"; it looks like {self.looks}"
         if self.outside:
-            text += (
-                f"; forces from outside are named in the script and are not in the potential: {', '.join(self.outside)}"
-            )
+            named = ", ".join(self.outside)
+            text += f"; forces from outside are named in the script and are not in the potential: {named}"
         return text
 
 

@@ -105,10 +105,8 @@ class RunCheck:
                         console.print(f"  note: {note}", soft_wrap=True)
         for note in self.notes:
             console.print(f"note: {note}", soft_wrap=True)
-        verdict = {True: "model and run agree", False: "model and run do NOT agree", None: f"not known: {self.why}"}[
-            self.agrees
-        ]
-        console.print(verdict, soft_wrap=True)
+        words = {True: "model and run agree", False: "model and run do NOT agree", None: f"not known: {self.why}"}
+        console.print(words[self.agrees], soft_wrap=True)
 
 
 def _g(x) -> str:
@@ -185,9 +183,8 @@ def examine(frames, pot, *, which=None, log=None, threads: int = 1, first=None, 
             check.forces = compare_forces(frame, pot, k, resolution=resolution, threads=threads)
             check.energy = check.forces.energy
         if log is not None:
-            check.thermo = compare_thermo(
-                frame, pot, log, k, known=check.forces, resolution=resolution, threads=threads
-            )
+            how = {"resolution": resolution, "threads": threads}
+            check.thermo = compare_thermo(frame, pot, log, k, known=check.forces, **how)
             if check.thermo is not None:
                 check.energy = check.thermo.energy
         if check.agrees is not None:
@@ -239,11 +236,8 @@ def alarm(
         words = "; ".join(found.complaints) or found.text
         raise AtcError(f'{source + ": " if source else ""}forces = "must agree", but {words}')
     for sentence in found.complaints:
-        warnings.warn(
-            f"{source + ': ' if source else ''}the run does not agree with the potential: {sentence}",
-            AtcWarning,
-            stacklevel=3,
-        )
+        text = f"{source + ': ' if source else ''}the run does not agree with the potential: {sentence}"
+        warnings.warn(text, AtcWarning, stacklevel=3)
     return found
 
 
@@ -266,11 +260,9 @@ def verify_scene(scene, frames: str | None = None, threads: int = 1) -> RunCheck
     found = examine(traj, pot, which=which, log=log, threads=threads, first=first)
     if found.agrees is None:
         dump = "dump fx fy fz too" if "no forces" in found.why else ""
-        beside = (
-            'name its log file: log = "log.lammps" in [trajectory]'
-            if log is None
-            else "choose frames whose steps are in the log"
-        )
+        beside = 'name its log file: log = "log.lammps" in [trajectory]'
+        if log is not None:
+            beside = "choose frames whose steps are in the log"
         raise AtcError(
             f"{scene.name}: nothing to compare with: {'; '.join([found.why, *found.notes])}: "
             f"{' or '.join(x for x in (dump, beside) if x)}"

@@ -40,15 +40,8 @@ class Line:
         return abs(self.difference) <= self.allowed  # NaN does not
 
     def plain(self) -> dict:
-        return {
-            "name": self.name,
-            "units": self.units,
-            "model": self.model,
-            "run": self.run,
-            "difference": self.difference,
-            "explained_by_digits": self.allowed,
-            "agrees": bool(self.agrees),
-        }
+        said = {key: getattr(self, key) for key in ("name", "units", "model", "run", "difference")}
+        return {**said, "explained_by_digits": self.allowed, "agrees": bool(self.agrees)}
 
 
 @dataclass
@@ -77,13 +70,8 @@ class ThermoCheck:
         return next((x for x in self.lines if x.name == name), None)
 
     def __str__(self):
-        what = (
-            "energy and pressure"
-            if self.line("pressure") or self.line("pressure xx")
-            else "energy"
-            if self.line("energy")
-            else "state"
-        )
+        pressure = self.line("pressure") or self.line("pressure xx")
+        what = "energy and pressure" if pressure else "energy" if self.line("energy") else "state"
         where = f"of frame {self.frame} (step {self.step} of {self.source})"
         if self.agrees:
             return f"{what} {where}: yes, to the digits of the log"
@@ -246,11 +234,8 @@ def _potential_energy(have, last):
     else:
         return None
     if have.get("tail"):
-        return (
-            value - have["tail"],
-            digit + last["tail"],
-            "the tail correction E_tail of the run is taken off its energy",
-        )
+        note = "the tail correction E_tail of the run is taken off its energy"
+        return value - have["tail"], digit + last["tail"], note
     return value, digit, ""
 
 
@@ -264,14 +249,11 @@ def _degrees_of_freedom(out, total, k_B, free, temperature) -> None:
     if abs(theirs - round(theirs)) < min(off + 1e-9, 0.2) and round(theirs) != free:
         line.counts = False
         fewer = free - round(theirs)
+        constraints = "constraints (shake, rattle, rigid) or compute_modify"
+        others = "compute_modify extra/dof, or another count of the momentum"
         out.notes.append(
             f"the run counts {round(theirs)} degrees of freedom, {abs(fewer)} {'fewer' if fewer > 0 else 'more'} than "
-            f"{free}: "
-            + (
-                "constraints (shake, rattle, rigid) or compute_modify"
-                if fewer > 0
-                else "compute_modify extra/dof, or another count of the momentum"
-            )
+            f"{free}: {constraints if fewer > 0 else others}"
         )
 
 

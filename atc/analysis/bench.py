@@ -163,7 +163,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
     """
     from ..estimators.driver import fields_of
     from ..planning.job import prepare
-    from ..planning.method_choice import carriers, cheapest, sizes
+    from ..planning.method_choice import SpectralWays, carriers, sizes
 
     job = prepare(request)
     frame, name = job.first, field_of(job, field)
@@ -207,7 +207,7 @@ def bench(request, tolerances=TOLERANCES, progress=lambda text: None, most=MOST,
             deposits = {}
             for k, size in needed.items():
                 more = "gather" in k and work.slopes(k), carriers(k, work, len(frame))
-                deposits[k] = cheapest(costs, places[k][0], kern, places[k][1], *size, t, *more)
+                deposits[k] = SpectralWays(costs, places[k][0], kern, places[k][1], *size, *more).cheapest(t)
         except AtcError as e:
             left_out.append((f"spectral {t:g}", str(e)))
             continue

@@ -44,12 +44,6 @@ def info(
         report = describe_scene(SceneFlags().load(trajectory[0]))
     else:
         source = trajectory if len(trajectory) > 1 else trajectory[0]
-        report = describe(
-            source,
-            topology=topology,
-            units=units,
-            masses=parse_masses(masses),
-            dimension=dimension,
-            atom_style=atom_style,
-        )
+        how = {"topology": topology, "units": units, "dimension": dimension, "atom_style": atom_style}
+        report = describe(source, masses=parse_masses(masses), **how)
     show(report, json)

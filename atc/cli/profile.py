@@ -63,15 +63,8 @@ def profile(
 
         picture_kind(picture)
     with progress_bar(quiet or json or csv) as progress:
-        result = profile_of_scene(
-            made,
-            axis=axis,
-            bins=bins,
-            interfaces=interfaces,
-            flow=flow,
-            boundary=boundary,
-            jobs=jobs,
-            progress=progress,
-        )
+        where = {"axis": axis, "bins": bins, "interfaces": interfaces}
+        how = {"flow": flow, "boundary": boundary, "jobs": jobs, "progress": progress}
+        result = profile_of_scene(made, **where, **how)
     show(result, json, csv, quiet)
     write_result(result, out, picture, tell=not (json or csv or quiet))

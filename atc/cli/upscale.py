@@ -161,23 +161,10 @@ def chain(
     1."""
     from ..upscaling.custom import run_chain
 
-    run, picture = run_chain(
-        output,
-        model=model,
-        spacing=spacing,
-        neighbors=neighbors,
-        horizon=horizon,
-        coarse=coarse,
-        length=length,
-        initial=initial,
-        half_width=half_width,
-        amplitude=amplitude,
-        duration=duration,
-        dt=dt,
-        boundary=boundary,
-        rows=rows,
-        beyond_spinodal=beyond_spinodal,
-    )
+    nodes = {"spacing": spacing, "neighbors": neighbors, "horizon": horizon, "coarse": coarse, "length": length}
+    shape = {"initial": initial, "half_width": half_width, "amplitude": amplitude, "boundary": boundary}
+    how = {"duration": duration, "dt": dt, "rows": rows, "beyond_spinodal": beyond_spinodal}
+    run, picture = run_chain(output, model=model, **nodes, **shape, **how)
     if not quiet:
         drift = abs(run.total_t / run.total_t[0] - 1).max()
         print(

@@ -22,7 +22,7 @@ from typing import Any
 from ..errors import AtcError
 from ..readers.whole import whole_text
 from .schema import GRIDS, SCHEMA
-from .toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
+from .toml import Document, complaint, key_lines, parse, read_document, shown, toml_document
 from .words import frame_slice, unknown
 
 #: What makes a potential of a learned model's file, or of a name, and what else [potential] may tell it.
@@ -85,9 +85,8 @@ class Scene(Document):
         if isinstance(source, Scene):
             return cls.load({s: dict(t) for s, t in source.data.items()}, overrides)._placed(source)
         if isinstance(source, Mapping):
-            return cls._build(
-                {k: dict(v) if isinstance(v, Mapping) else v for k, v in source.items()}, Path(), "scene", {}, overrides
-            )
+            data = {k: dict(v) if isinstance(v, Mapping) else v for k, v in source.items()}
+            return cls._build(data, Path(), "scene", {}, overrides)
         path = Path(source)
         return cls.loads(read_document(path, "scene"), name=str(path), folder=path.parent, overrides=overrides)
 
@@ -158,9 +157,8 @@ class Scene(Document):
                     what = unknown(f"key {key!r} in [{section}]", key, known)
                     raise AtcError(f"{self.where(section, key)}: {what}")
                 self.check_value(known[key], table, key, partial(self._bad, section, key))
-        if "file" not in self.data.get("trajectory", {}) and not (
-            "dispersion" in self.data and "trajectory" not in self.data
-        ):
+        unneeded = "dispersion" in self.data and "trajectory" not in self.data
+        if "file" not in self.data.get("trajectory", {}) and not unneeded:
             raise self.need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')
         self._check_grid()
         self._check_potential()
@@ -211,9 +209,8 @@ class Scene(Document):
                 'of another code: openmm = "system.xml", prmtop = "x.prmtop", psf = "x.psf", top = "topol.top"',
             )
         if len(given) > 1:
-            raise self._bad(
-                "potential", given[1], f"give {' or '.join(given)}, not {'both' if len(given) == 2 else 'all'}"
-            )
+            many = "both" if len(given) == 2 else "all"
+            raise self._bad("potential", given[1], f"give {' or '.join(given)}, not {many}")
         makers = LEARNED | SYSTEMS
         for key in {k: None for keys in makers.values() for k in keys}:
             if key in table and key not in makers.get(given[0], ()):
@@ -290,10 +287,8 @@ class Scene(Document):
         part = whole if frames is None else whole[frame_slice(frames)]
         if len(part) == 0:
             why = f"{whole.source} has {len(whole)} complete frame{'s' * (len(whole) != 1)}, numbered from 0"
-            raise AtcError(
-                f"{self.where('trajectory', 'frames')}: [trajectory] frames: "
-                f"{shown(frames) if frames is not None else 'all'} selects none: {why}"
-            )
+            said = "all" if frames is None else shown(frames)
+            raise self._bad("trajectory", "frames", f"{said} selects none: {why}")
         return part
 
     def _whole(self):
@@ -395,11 +390,8 @@ class Scene(Document):
             return self._read(self.path("trajectory", "reference"), "reference")[0]
         whole = self._whole()
         if not -len(whole) <= value < len(whole):
-            raise self._bad(
-                "trajectory",
-                "reference",
-                f"there is no frame {value}: {whole.source} has {len(whole)}, numbered from 0",
-            )
+            why = f"there is no frame {value}: {whole.source} has {len(whole)}, numbered from 0"
+            raise self._bad("trajectory", "reference", why)
         return whole[value]
 
     def equilibrium(self):
@@ -599,9 +591,8 @@ class Scene(Document):
         traj = self.trajectory()
         parallel = jobs > 1 and not self._streams and len(traj) >= jobs
         pot, kern, grid = self.potential(), self.kernel(), self.grid()
-        self._require_dimension(
-            2 if traj.units.dimension == 2 or (pot is not None and pot.dimension == 2) else 3, kern, grid
-        )
+        flat = traj.units.dimension == 2 or (pot is not None and pot.dimension == 2)
+        self._require_dimension(2 if flat else 3, kern, grid)
         return {
             "traj": traj,
             "pot": pot,
@@ -696,20 +687,16 @@ class Scene(Document):
     def to_toml(self) -> str:
         """The resolved scene as TOML. Absolute paths lose what lies outside the scene's folder, so that no user or host
         name is kept."""
-        out = []
-        for section in SCHEMA:
-            table = self.data.get(section)
-            if not table:
-                continue
-            out.append(f"[{section}]")
-            for key, value in table.items():
-                if SCHEMA[section][key].path and isinstance(value, str):
-                    value = self._anonymous(value)
-                elif SCHEMA[section][key].path and isinstance(value, list):
-                    value = [self._anonymous(v) if isinstance(v, str) else v for v in value]
-                out.append(f"{toml_key(key)} = {toml_value(value)}")
-            out.append("")
-        return "\n".join(out)
+        sections = {s: {k: self._plain(s, k, v) for k, v in self.data.get(s, {}).items()} for s in SCHEMA}
+        return toml_document(sections)
+
+    def _plain(self, section, key, value):
+        """A value without the folders of a path."""
+        if not SCHEMA[section][key].path:
+            return value
+        if isinstance(value, list):
+            return [self._anonymous(v) if isinstance(v, str) else v for v in value]
+        return self._anonymous(value) if isinstance(value, str) else value
 
     def _anonymous(self, name: str) -> str:
         if name.startswith("imd://"):

@@ -215,6 +215,16 @@ def toml_value(v) -> str:
     raise TypeError(f"{type(v).__name__} has no TOML form")
 
 
+def toml_document(sections: Mapping[str, Mapping]) -> str:
+    """Sections as TOML, empty ones left out; what stands at the key "#" as a comment."""
+    out = []
+    for name, table in sections.items():
+        if table:
+            lines = (f"# {v}" if k == "#" else f"{toml_key(k)} = {toml_value(v)}" for k, v in table.items())
+            out += [f"[{name}]", *lines, ""]
+    return "\n".join(out)
+
+
 def shown(value) -> str:
     """A value in a message: as TOML where it has such a form, in one line, not long."""
     try:

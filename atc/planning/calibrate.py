@@ -16,6 +16,8 @@ import numpy as np
 from . import costs as model
 from .costs import Costs
 
+FCC = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
+
 
 def clock(f, repeat: int = 3) -> float:
     """Least CPU seconds of f(), after one run that compiles."""
@@ -32,8 +34,7 @@ def argon(n: int):
     """A hot fcc crystal of n³ cells as a Frame, its bonds, and its potential."""
     from ..decomposers import potential
 
-    fcc = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
-    frame = crystal(fcc, 5.376, n, 0.25, 39.948)
+    frame = crystal(FCC, 5.376, n, 0.25, 39.948)
     return frame, potential("units metal\npair_style lj/cut 8.5\npair_coeff 1 1 0.0104 3.4")
 
 
@@ -41,8 +42,7 @@ def silicon(n: int):
     """Hot diamond silicon of n³ cells as a Frame, and its Stillinger-Weber potential (Phys. Rev. B 31, 5262)."""
     from ..decomposers import StillingerWeber, potential
 
-    fcc = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
-    frame = crystal(np.concatenate([fcc, fcc + 0.25]), 5.431, n, 0.1, 28.0855)
+    frame = crystal(np.concatenate([FCC, FCC + 0.25]), 5.431, n, 0.1, 28.0855)
     sw = StillingerWeber(2.1683, 2.0951, 1.8, 21.0, 1.2, -1 / 3, 7.049556277, 0.6022245584, 4.0, 0.0)
     return frame, potential(sw, units="metal")
 
@@ -310,16 +310,10 @@ def _rest(costs, frame, pot, n):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.dump"
         with open(path, "w") as f:
-            f.write(
-                f"ITEM: UNITS\nmetal\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS pp pp pp\n"
-                + "0 100\n" * 3
-            )
-            f.write("ITEM: ATOMS id type x y z vx vy vz\n")
-            np.savetxt(
-                f,
-                np.c_[np.arange(1, n + 1), np.ones(n), frame.positions, frame.velocities],
-                fmt="%d %d %.10g %.10g %.10g %.10g %.10g %.10g",
-            )
+            f.write(f"ITEM: UNITS\nmetal\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{n}\n")
+            f.write("ITEM: BOX BOUNDS pp pp pp\n" + "0 100\n" * 3 + "ITEM: ATOMS id type x y z vx vy vz\n")
+            rows = np.c_[np.arange(1, n + 1), np.ones(n), frame.positions, frame.velocities]
+            np.savetxt(f, rows, fmt="%d %d" + 6 * " %.10g")
         costs.read_atom = clock(lambda: read(path, masses=[40.0])[0]) / n
         values = np.random.default_rng(0).normal(size=(64, 64, 64, 9))
         import zarr

@@ -88,9 +88,7 @@ class Costs:
             return cls()
         try:
             known = json.loads((path or cache_file()).read_text())
-            if set(known) != {f.name for f in fields(cls)}:
-                return cls()
-            return cls(**known)
+            return cls(**known) if set(known) == {f.name for f in fields(cls)} else cls()
         except (OSError, ValueError, TypeError, KeyError):
             return cls()
 
@@ -121,12 +119,8 @@ class Load:
 
     def seconds(self, costs: Costs, atoms: int) -> float:
         """For the neighbour list, the forces and the decomposition."""
-        return (
-            costs.list_atom * atoms
-            + costs.pair * self.pairs
-            + costs.triplet * self.triplets
-            + costs.tuple * self.tuples
-        )
+        pairs, more = costs.pair * self.pairs, costs.triplet * self.triplets + costs.tuple * self.tuples
+        return costs.list_atom * atoms + pairs + more
 
 
 def neighborhood(frame, cutoff: float, count: int = 0, triplets: bool = True) -> tuple[float, float, float, float]:
@@ -181,9 +175,8 @@ def _around(s_nc, cell, cutoff, some, along, layers, ahead, order) -> tuple[np.n
     ascending, and whose they are"""
     shifts = (-1.0, 0.0, 1.0) if cell.periodic[0] else (0.0,)
     reach = cutoff / cell.heights * (1 + 1e-9)
-    ends = np.floor(layers * (np.add.outer(along, shifts)[:, :, None] + reach[0] * np.array([-1.0, 1.0]))).reshape(
-        -1, 2
-    )
+    ends = np.floor(layers * (np.add.outer(along, shifts)[:, :, None] + reach[0] * np.array([-1.0, 1.0])))
+    ends = ends.reshape(-1, 2)
     ends = np.stack([np.searchsorted(ahead, ends[:, 0]), np.searchsorted(ahead, ends[:, 1], side="right")], axis=1)
     number = ends[:, 1] - ends[:, 0]
     near = order[np.arange(number.sum()) + np.repeat(ends[:, 0] - np.cumsum(number) + number, number)]
@@ -312,11 +305,8 @@ def spectral(
     if not components or not items:
         return 0.0
     single = itemsize(deposit) == 4
-    point, register = (
-        (costs.spread_point_single, costs.spread_register_single)
-        if single
-        else (costs.spread_point, costs.spread_register)
-    )
+    point = costs.spread_point_single if single else costs.spread_point
+    register = costs.spread_register_single if single else costs.spread_register
     node = costs.mesh_node_single if transform_itemsize(deposit) == 4 else costs.mesh_node
     groups = len(lanes(components))
     mesh, points = np.asarray(deposit.mesh, float), len(deposit.grid)
@@ -397,11 +387,8 @@ def lanes(components: int) -> list[int]:
 
 def window_registers(deposit, components: int) -> float:
     """Registers of 32 bytes that one point is added to: four lanes in single precision take a whole one too."""
-    return float(
-        deposit.parameters.width**2
-        * deposit.depth
-        * sum(max(1, n * itemsize(deposit) // 32) for n in lanes(components))
-    )
+    of_lanes = sum(max(1, n * itemsize(deposit) // 32) for n in lanes(components))
+    return float(deposit.parameters.width**2 * deposit.depth * of_lanes)
 
 
 def itemsize(deposit) -> int:
@@ -455,11 +442,8 @@ def spectral_memory(deposit, components: int, threads: int, atoms: float = 0.0) 
     moments = 0.0
     if deposit.order is not None:
         layout = deposit.layout
-        moments = (
-            atoms * layout.row * itemsize(deposit) * threads
-            + nodes * each * deposit.most_components
-            + complex_ * kept * components
-        )
+        moments = atoms * layout.row * itemsize(deposit) * threads
+        moments += nodes * each * deposit.most_components + complex_ * kept * components
     return moments + nodes * each * sum(groups) * threads + complex_ * kept * (2.0 * min(components, 8) + 2.0 * threads)
 
 

@@ -30,6 +30,8 @@ _NOT_CONTENT = frozenset("where folder file text data_file grow build source set
 def identity(job) -> dict:
     """What the numbers of a `Request` depend on beside the frames, as plain values by the names that people know."""
     work = job.work
+    pot = job.request.pot if work.bond_users else None
+    reference = job.request.reference if work.reference_users else None
     return {
         "results": RESULTS,
         "quantities": [q.name for q in work.quantities],
@@ -39,10 +41,8 @@ def identity(job) -> dict:
         **({"parts": f"{job.parts.by} {' '.join(job.parts.labels)}"} if job.parts is not None else {}),
         **({"bonds": job.request.bonds} if job.request.bonds != "half" else {}),
         "trajectory": frame_digest(job.first),
-        "potential": f"{_in_words(job.request.pot)}; {digest(job.request.pot)}"
-        if work.bond_users and job.request.pot is not None
-        else None,
-        "potential on the first frame": _evaluated(job) if work.bond_users and job.request.pot is not None else None,
+        "potential": f"{_in_words(pot)}; {digest(pot)}" if pot is not None else None,
+        "potential on the first frame": _evaluated(job) if pot is not None else None,
         "kernel": _kernel(job.request.kern) if work.kernel_users else None,
         "grid": digest(job.request.grid, everything=True) if work.grid_users else None,
         **({"velocity": job.request.velocity} if any(q.thermal for q in work.quantities) else {}),
@@ -54,18 +54,14 @@ def identity(job) -> dict:
         "horizon": None if job.request.horizon is None else float(job.request.horizon),
         "units": job.first.units.name,
         "dimension": job.first.dimension,
-        "reference": frame_digest(job.request.reference)
-        if work.reference_users and job.request.reference is not None
-        else None,
+        "reference": None if reference is None else frame_digest(reference),
     }
 
 
 def _kernel(kern) -> list[str]:
     short = all(isinstance(v, (int, float, str)) for v in kern.parameters.values())
-    return [
-        kern.name,
-        *([f"{k} {v!r}" for k, v in kern.parameters.items()] if short else [digest(kern.parameters)]),
-    ]
+    said = [f"{k} {v!r}" for k, v in kern.parameters.items()] if short else [digest(kern.parameters)]
+    return [kern.name, *said]
 
 
 def _in_words(pot) -> str:
@@ -126,11 +122,8 @@ def digest(thing, everything: bool = False) -> str:
 def frame_digest(frame) -> str:
     """A frame's numbers, a short digest for each of `PARTS`."""
     t = frame.topology
-    bonds = (
-        ()
-        if t is None
-        else [getattr(t, k + s) for k in ("bond", "angle", "dihedral", "improper") for s in ("s", "_types")]
-    )
+    kinds = () if t is None else ("bond", "angle", "dihedral", "improper")
+    bonds = [getattr(t, k + s) for k in kinds for s in ("s", "_types")]
     return " ".join(
         _short(*part)
         for part in (
@@ -179,14 +172,17 @@ def differences(then: Mapping, now: Mapping) -> str:
             out.append("version: this version of atc gives other numbers")
         elif key == "case" and isinstance(a, str) and isinstance(b, str):
             out += [f"case: {line}" for line in _toml_differences(a, b)]
-        elif all(
-            isinstance(v, (int, float, bool, type(None), list)) or (isinstance(v, str) and len(v) < 20 and " " not in v)
-            for v in (a, b)
-        ):
+        elif _is_short(a) and _is_short(b):
             out.append(f"{key}: {_said(a)} then, {_said(b)} now")
         else:
             out.append(key)
     return "; ".join(out)
+
+
+def _is_short(v) -> bool:
+    if isinstance(v, str):
+        return len(v) < 20 and " " not in v
+    return isinstance(v, (int, float, type(None), list))
 
 
 def _said(v) -> str:
@@ -211,8 +207,5 @@ def _toml_differences(a: str, b: str) -> list[str]:
         then, now = flat(tomllib.loads(a), "", {}), flat(tomllib.loads(b), "", {})
     except tomllib.TOMLDecodeError:
         return ["text"]
-    return [
-        f"{k}: {_said(then.get(k))} then, {_said(now.get(k))} now"
-        for k in dict.fromkeys([*then, *now])
-        if then.get(k) != now.get(k)
-    ]
+    changed = [k for k in dict.fromkeys([*then, *now]) if then.get(k) != now.get(k)]
+    return [f"{k}: {_said(then.get(k))} then, {_said(now.get(k))} now" for k in changed]

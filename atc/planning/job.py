@@ -192,16 +192,10 @@ def _reference(request: Request, frames, pot):
 
 def _tiles(tiles, flat: bool) -> tuple[int, int, int]:
     t = np.asarray(tiles)
-    if (
-        t.dtype.kind not in "iu"
-        or t.shape not in ((3,), (2,) if flat else (3,))
-        or (t < 1).any()
-        or (flat and t[2:].any() and t[2] != 1)
-    ):
-        expected = (
-            "two whole numbers, 1 or more, e.g. (2, 2)" if flat else "three whole numbers, 1 or more, e.g. (2, 2, 1)"
-        )
-        raise AtcError(f"tiles {tiles!r}: expected {expected}")
+    shapes = ((3,), (2,)) if flat else ((3,),)
+    if t.dtype.kind not in "iu" or t.shape not in shapes or (t < 1).any() or (flat and t[2:].any() and t[2] != 1):
+        count, example = ("two", "(2, 2)") if flat else ("three", "(2, 2, 1)")
+        raise AtcError(f"tiles {tiles!r}: expected {count} whole numbers, 1 or more, e.g. {example}")
     x, y, z = (*t.tolist(), 1)[:3]
     return x, y, z
 
@@ -234,37 +228,17 @@ class Job:
     def methods_for(self, work: Work, method: str = "auto") -> dict[str, Method]:
         """The method of each deposit, by the cost model and the first frame: the same for every frame, whoever computes
         it."""
-        from .costs import Load
         from .method_choice import choose_methods
 
-        places = self.places(work)
-        if not places:
-            return {}
-        load = self.load if work.bond or work.reference_bond else Load()
-        pot = self.request.pot
-        forecast = self._forecast if self.may_loosen(work) and pot is not None and pot.terms else None
-        together = dict.fromkeys(self.added_up, self.group()) if work is self.work else None
-        return choose_methods(
-            method,
-            self.request.tolerance,
-            self.costs,
-            work,
-            places,
-            self.kernel_internal,
-            len(self.first),
-            load,
-            forecast,
-            together,
-            self.n_frames,
-            bool(self.request.pot is not None and work.bond_users and self.request.pot.fields),
-        )
+        return choose_methods(self, work, method)
 
     def places(self, work: Work) -> dict | None:
         """For each deposit that a frame needs, the bound grid and the cell that its atoms are in; None where something
         for that is missing."""
-        if through_planes(self.request.grid):
+        asked = self.request
+        if asked.kern is None or asked.grid is None or (work.bond_users and asked.pot is None):
             return None
-        if self.request.kern is None or self.request.grid is None or (work.bond_users and self.request.pot is None):
+        if through_planes(asked.grid):
             return None
         out = {key: (self.bound, self.first.cell) for key in ("site", "bond", "gather") if getattr(work, key)}
         for key in ("reference_bond", "reference_gather"):
@@ -272,7 +246,7 @@ class Job:
                 if self.request.reference is None:
                     return None
                 at = self.request.reference
-                out[key] = self.request.grid.bind(at.units, at.cell, at.positions), at.cell
+                out[key] = asked.grid.bind(at.units, at.cell, at.positions), at.cell
         return out
 
     def may_loosen(self, work: Work) -> bool:
@@ -287,14 +261,14 @@ class Job:
         method = self.methods.get("bond", EXACT)
         errors = [result.expected[q.name] for q in self.work.quantities if q.bond and q.name in result.expected]
         if self.n_frames > 1 and not method.exact and not method.forced and errors and self.may_loosen(self.work):
-            from .method_choice import adjusted
+            from .method_choice import SpectralWays, adjusted
 
-            ways = self.costs, self.bound, self.kernel_internal, self.first.cell, self.load, self.work.n_bond
-            self.methods["bond"] = adjusted(
-                method, max(errors), self.request.tolerance, *ways, float(len(self.first)), self.group()
-            )
+            place, load = (self.bound, self.kernel_internal, self.first.cell), self.load
+            bonds = load.bonds, load.length, self.work.n_bond
+            ways = SpectralWays(self.costs, *place, *bonds, carried=float(len(self.first)), frames=self.group())
+            self.methods["bond"] = adjusted(method, max(errors), self.request.tolerance, ways)
 
-    def _forecast(self):
+    def forecast(self):
         """What a pass over the bonds of the first frame says of its error."""
         from .error_forecast import ErrorForecast
 
@@ -369,27 +343,17 @@ class Job:
     @property
     def window(self) -> int:
         """Frames that make one entry of the output."""
-        return (
-            1
-            if self.request.average is False
-            else self.n_frames
-            if self.request.average is True
-            else int(self.request.average)
-        )
+        average = self.request.average
+        return 1 if average is False else self.n_frames if average is True else int(average)
 
     @cached_property
     def added_up(self) -> frozenset[str]:
         """The deposits ("site", "bond") that frames of a window are added up in; see `estimators.groups`."""
         grid, first = self.request.grid, self.first
-        if (
-            self.request.average is False
-            or self.n_frames < 2
-            or self.request.tiles is not None
-            or grid is None
-            or grid.follows_atoms
-            or through_planes(grid)
-            or self.follow is not None
-        ):
+        series = self.request.average is False or self.n_frames < 2
+        if series or self.request.tiles is not None or grid is None or self.follow is not None:
+            return frozenset()
+        if grid.follows_atoms or through_planes(grid):
             return frozenset()
         if groups.size_of(min(self.window, self.n_frames), len(first)) == 1:
             return frozenset()
@@ -449,15 +413,8 @@ class Job:
         from ..agreement.run_check import alarm
 
         asked, needed = self.request, bool(self.work.bond_users)
-        return alarm(
-            self.frames,
-            self.model,
-            mode=asked.forces,
-            log=asked.log,
-            threads=self.threads,
-            first=self.first,
-            needed=needed,
-        )
+        how = {"mode": asked.forces, "log": asked.log, "threads": self.threads, "needed": needed}
+        return alarm(self.frames, self.model, first=self.first, **how)
 
 
 def as_frames(traj, pot=None):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 from ..errors import AtcError
 from ..estimators.accuracy.strongest_bonds import WATCHED
@@ -52,18 +54,18 @@ def require_known(method: str) -> None:
 
 def sizes(work, atoms: int, load: Load) -> dict[str, tuple[float, float, int]]:
     """For each deposit that a frame needs: how many items, their mean length, how many components."""
-    out = {}
-    if work.summed_site:
-        out["site"] = (float(atoms), 0.0, work.n_site)
-    if work.bond:
-        out["bond"] = (load.bonds, load.length, work.n_bond)
-    if work.reference_bond:
-        out["reference_bond"] = (load.bonds, load.length, work.n_reference_bond)
-    if work.gather:
-        out["gather"] = (float(atoms), 0.0, work.n_gather)
-    if work.reference_gather:
-        out["reference_gather"] = (float(atoms), 0.0, work.n_reference_gather)
-    return out
+    of_atoms, of_bonds = (float(atoms), 0.0), (load.bonds, load.length)
+    return {
+        key: (*items, components)
+        for key, there, items, components in (
+            ("site", work.summed_site, of_atoms, work.n_site),
+            ("bond", work.bond, of_bonds, work.n_bond),
+            ("reference_bond", work.reference_bond, of_bonds, work.n_reference_bond),
+            ("gather", work.gather, of_atoms, work.n_gather),
+            ("reference_gather", work.reference_gather, of_atoms, work.n_reference_gather),
+        )
+        if there
+    }
 
 
 def spectral_deposit(
@@ -75,72 +77,25 @@ def spectral_deposit(
     return spectral_deposit(bound, kern, cell, components, components, threads, tolerance, gradients, order)
 
 
-def cheapest(
-    costs: Costs,
-    bound,
-    kern,
-    cell,
-    items: float,
-    length: float,
-    components: int,
-    tolerance: float,
-    gradients=False,
-    carried: float = 0.0,
-    frames: int = 1,
-):
-    """(seconds, spectral deposit): with points on bonds, or with the moments of `carried` atoms (0: not possible),
-    whichever costs less a frame."""
-    from ..deposit import moments
-
-    best = None
-    for order in (None, *(moments.ORDERS if carried else ())):
-        try:
-            deposit = spectral_deposit(bound, kern, cell, components, tolerance, gradients=gradients, order=order)
-        except AtcError:
-            if order is not None:
-                continue
-            raise
-        # An order that is enough for all bonds is the last one worth a look.
-        seconds = spectral(costs, deposit, items, length, components, carried, frames)
-        if best is None or (seconds < best[0] and _fits(deposit, components, carried)):
-            best = seconds, deposit
-        if order is not None and collapsed(deposit, length) == 1.0:
-            break
-    return best
-
-
 def carriers(key: str, work, atoms: int) -> float:
     """Atoms that can carry moments of their bonds: where only the stress of central forces is summed over these."""
     return float(atoms) if key == "bond" and work.bond == ["stress"] else 0.0
 
 
-def choose_methods(
-    method: str,
-    tolerance: float,
-    costs: Costs,
-    work,
-    places: dict,
-    kern,
-    atoms: int,
-    load: Load,
-    forecast=None,
-    together=None,
-    n_frames=1,
-    cancelling: bool = False,
-) -> dict[str, Method]:
-    """The method of each deposit.
+def choose_methods(job, work, method: str) -> dict[str, Method]:
+    """The method of each deposit of some work on the frames of a `Job`, by the first of them.
 
-    Parameters
-    ----------
     method : "auto" or what the user forces
-    places : for each deposit the bound grid and the cell (the frame's or the reference's), see `Job.places`
-    kern : kernel in internal units
-    forecast : a function that makes an `error_forecast.ErrorForecast` of the first frame's stress; None: the spectral
-        method begins at the tolerance
-    n_frames : of the run
-    together : of how many frames the sums of a deposit are finished together, by deposit; 1 of those that are not there
-    cancelling : whether there are fields that take away most of what the sums are, see `CANCELLING`
     """
+    places, pot = job.places(work), job.request.pot
+    if not places:
+        return {}
+    load = job.load if work.bond or work.reference_bond else Load()
+    # How far above the tolerance sums over bonds may begin is known of the stress alone.
+    forecast = job.may_loosen(work) and pot is not None and bool(pot.terms)
+    # Fields that take away most of what the sums are.
+    cancelling = bool(pot is not None and work.bond_users and pot.fields)
+    costs, kern, tolerance, atoms = job.costs, job.kernel_internal, job.request.tolerance, len(job.first)
     out = {}
     for key, (items, length, components) in sizes(work, atoms, load).items():
         bound, cell = places[key]
@@ -148,12 +103,13 @@ def choose_methods(
         slopes = by_gather and work.slopes(key)
         exact = (gather if by_gather else direct)(costs, bound, kern, items, length, components)
         look = None
-        if forecast is not None and not cancelling and key == "bond" and work.bond == ["stress"]:
-            look = _Look(forecast, load.seconds(costs, atoms))
-        out[key] = _one(
-            method, tolerance, costs, bound, kern, cell, items, length, components, exact, slopes, look,
-            carriers(key, work, atoms), (together or {}).get(key, 1), n_frames, CANCELLING if cancelling else 1.0,
-        )  # fmt: skip
+        if forecast and not cancelling and key == "bond":
+            look = _Look(job.forecast, load.seconds(costs, atoms))
+        frames = job.group() if work is job.work and key in job.added_up else 1
+        ways = SpectralWays(
+            costs, bound, kern, cell, items, length, components, slopes, carriers(key, work, atoms), frames
+        )
+        out[key] = _one(method, tolerance, ways, exact, look, job.n_frames, CANCELLING if cancelling else 1.0)
     return out
 
 
@@ -161,47 +117,29 @@ def choose_methods(
 class _Look:
     """A forecast that has not been made: how, and what its pass over the bonds costs."""
 
-    make: object
+    make: Callable
     seconds: float
 
 
-def _one(
-    method,
-    tolerance,
-    costs,
-    bound,
-    kern,
-    cell,
-    items,
-    length,
-    components,
-    exact,
-    gradients,
-    look=None,
-    carried=0.0,
-    frames=1,
-    n_frames=1,
-    closer=1.0,
-) -> Method:
-    """exact : seconds of the exact sum; gradients : whether those are wanted too; carried : atoms that can carry
-    moments; frames : finished together; closer : the start over the tolerance."""
-    ways = _Spectral(costs, bound, kern, cell, items, length, components, gradients, carried, frames)
-
+def _one(method, tolerance, ways: SpectralWays, exact, look, n_frames, closer) -> Method:
+    """The method of one deposit. exact : seconds of the exact sum; look : a `_Look`, or None; closer : the start over
+    the tolerance."""
+    length = ways.length
     if method == "spectral":
         first = ways.deposit(max(tolerance, 1e-14))
-        rungs = _rungs(tolerance, lambda t: _fits(ways.by_points.deposit(t), components))
+        rungs = _rungs(tolerance, lambda t: _fits(ways.by_points.deposit(t), ways.components))
         return Method("spectral", tolerance, _shape(first, "asked for", length), rungs, True, first.order)
     if method != "auto":
         return Method(method, reason="asked for", forced=True)
-    if bound.kind == "slab":
+    if ways.bound.kind == "slab":
         return Method("direct", reason="averages over the cross-section in closed form: exact, no 3-D grid")
     if tolerance <= EXACT_BELOW:
         return Method("direct", reason=f"tolerance {tolerance:g} means the exact sum")
-    if not items:
+    if not ways.items:
         return EXACT
     # Looking for an approximate sum, and after its errors, is part of what it costs.
     bonds = bool(length > 0)
-    watch = min(WATCH[0] + WATCH[1] * items, WATCH[2]) / frames if bonds else 0.0
+    watch = min(WATCH[0] + WATCH[1] * ways.items, WATCH[2]) / ways.frames if bonds else 0.0
     allowed = WORTH * exact - SEARCH[bonds] / n_frames - watch
     if exact < CHEAP or allowed <= 0.0:
         return Method("direct", reason=f"exact, and cheap here: {exact:.1g} s of CPU")
@@ -212,21 +150,23 @@ def _one(
     except AtcError as e:
         return Method("direct", reason=f"spectral cannot: {_short(e)}")
     if fast >= allowed:
-        return Method(
-            "direct",
-            reason=f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method",
-        )
+        why = f"exact, and cheaper here: {exact:.2g} s of CPU against {fast:.2g} s by the spectral method"
+        return Method("direct", reason=why)
     return ways.method(start, tolerance, exact)
 
 
 @dataclass
-class _Spectral:
-    """One deposit by the spectral method, at one tolerance or another."""
+class SpectralWays:
+    """One deposit by the spectral method, at one tolerance or another.
+
+    items, length, components : see `sizes`; gradients : whether those are wanted too; carried : atoms that can carry
+    moments of their bonds (0: not possible); frames : finished together
+    """
 
     costs: Costs
-    bound: object
-    kern: object
-    cell: object
+    bound: Any
+    kern: Any
+    cell: Any
     items: float
     length: float
     components: int
@@ -237,19 +177,39 @@ class _Spectral:
 
     def deposit(self, t):
         """The cheapest."""
-        return self._best(t)[1]
+        return self.cheapest(t)[1]
 
-    def _best(self, t):
-        """(seconds, deposit)"""
+    def cheapest(self, t):
+        """(seconds, spectral deposit): with points on bonds, or with the moments of atoms, whichever costs less a
+        frame."""
         if t not in self._known:
-            what = self.items, self.length, self.components
-            self._known[t] = cheapest(
-                self.costs, self.bound, self.kern, self.cell, *what, t, self.gradients, self.carried, self.frames
-            )
+            self._known[t] = self._cheapest(t)
         return self._known[t]
 
+    def _cheapest(self, t):
+        from ..deposit import moments
+
+        best = None
+        for order in (None, *(moments.ORDERS if self.carried else ())):
+            try:
+                deposit = spectral_deposit(
+                    self.bound, self.kern, self.cell, self.components, t, gradients=self.gradients, order=order
+                )
+            except AtcError:
+                if order is not None:
+                    continue
+                raise
+            # An order that is enough for all bonds is the last one worth a look.
+            what = self.items, self.length, self.components, self.carried, self.frames
+            seconds = spectral(self.costs, deposit, *what)
+            if best is None or (seconds < best[0] and _fits(deposit, self.components, self.carried)):
+                best = seconds, deposit
+            if order is not None and collapsed(deposit, self.length) == 1.0:
+                break
+        return best
+
     @cached_property
-    def by_points(self) -> _Spectral:
+    def by_points(self) -> SpectralWays:
         """The same with points on all bonds, as what is computed again goes, which is rare: to find the best order of
         moments for every tolerance takes longer than a small frame."""
         return replace(self, carried=0.0) if self.carried else self
@@ -265,32 +225,20 @@ class _Spectral:
 
     def cost(self, t) -> float:
         """CPU seconds; an AtcError where its mesh is too large."""
-        seconds, deposit = self._best(t)
+        seconds, deposit = self.cheapest(t)
         if not _fits(deposit, self.components, self.carried):
             raise AtcError(f"its mesh of {_mesh(deposit)} would take more than {MOST_MEMORY / 1e9:.0f} GB")
         return seconds
 
     def method(self, start, tolerance, exact) -> Method:
         """Beginning at `start`, with what is cheaper than the exact sum to go on with."""
-        seconds, first = self._best(start)
+        seconds, first = self.cheapest(start)
         why = f"{seconds:.2g} s of CPU against {exact:.2g} s for the exact sum"
         rungs = _rungs(tolerance, lambda t: self.by_points.cost(t) < exact, start)
         return Method("spectral", start, _shape(first, why, self.length), rungs, order=first.order)
 
 
-def adjusted(
-    method: Method,
-    error,
-    tolerance,
-    costs: Costs,
-    bound,
-    kern,
-    cell,
-    load: Load,
-    components: int,
-    carried=0.0,
-    frames: int = 1,
-) -> Method:
+def adjusted(method: Method, error, tolerance, ways: SpectralWays) -> Method:
     """The method of sums over bonds for further frames, by the error that `method` left on the first: looser or
     tighter, as far as errors follow the tolerance."""
     limit = method.tolerance * LATER_AIM * tolerance / max(error, 1e-300) * (1 + 1e-9)
@@ -299,9 +247,9 @@ def adjusted(
     start = next((t for t in ladder if t <= limit), method.tolerance)
     if start == method.tolerance or (start < method.tolerance and error <= TIGHTEN_ABOVE * tolerance):
         return method
-    ways = _Spectral(costs, bound, kern, cell, load.bonds, load.length, components, carried=carried, frames=frames)
     try:
-        return ways.method(start, tolerance, direct(costs, bound, kern, load.bonds, load.length, components))
+        exact = direct(ways.costs, ways.bound, ways.kern, ways.items, ways.length, ways.components)
+        return ways.method(start, tolerance, exact)
     except AtcError:
         return method
 

@@ -90,16 +90,14 @@ def predict(job) -> Prediction:
             # `estimators.accuracy.strongest_bonds`.
             watched = POINTS if key == "bond" and not method.exact and job.request.tiles is None else 0
             looked_at = GROUP_POINTS if m > 1 else 100 + watched
-            parts["error check"] = parts.get("error check", 0.0) + model.check(
-                costs, bound, checked, items, length, min(points, looked_at)
-            )
+            seconds = model.check(costs, bound, checked, items, length, min(points, looked_at))
+            parts["error check"] = parts.get("error check", 0.0) + seconds
         components = sum(3**q.rank for q in work.quantities if q.kind == "grid")
         sums = {"site": work.n_site, "bond": work.n_bond, "": work.n_reference_bond}
         values = components + sum(sums.values())
         if m > 1:
-            formed = sum(3**q.rank for q in elements(work) if q not in formed_once(work)) + sum(
-                k for key, k in sums.items() if key not in together
-            )
+            formed = sum(3**q.rank for q in elements(work) if q not in formed_once(work))
+            formed += sum(k for key, k in sums.items() if key not in together)
             parts["fields of each frame"] = SECONDS_PER_FORMED * points * formed
             memory += 8.0 * n * m * 12 + 8.0 * points * 2 * formed
             values = (components + sum(k for key, k in sums.items() if key in together)) / m
@@ -110,9 +108,8 @@ def predict(job) -> Prediction:
         memory += 8.0 * points * (work.n_site + work.n_bond + work.n_reference_bond)
     memory += max(passing)
     parts["the rest"] = costs.frame * (OF_EACH + (1.0 - OF_EACH) / m)
-    serial = (
-        parts["reading"] + parts["the rest"] + parts.get("fields", 0.0) + costs.list_atom * n * bool(work.bond_users)
-    )
+    serial = parts["reading"] + parts["the rest"] + parts.get("fields", 0.0)
+    serial += costs.list_atom * n * bool(work.bond_users)
     total = sum(parts.values())
     return Prediction(max(total - serial, 0.0), min(serial, total), parts, memory, points, visits)
 

@@ -113,11 +113,8 @@ class Plan:
         ]
         if self.points:
             lines.append("method  " + self.reason.replace("; sums over", "\n        sums over"))
-        parallel = (
-            f"{self.workers} processes of {self.threads} threads"
-            if self.workers > 1
-            else f"{self.threads} thread{'s' * (self.threads != 1)}"
-        )
+        threads = f"{self.threads} thread{'s' * (self.threads != 1)}"
+        parallel = f"{self.workers} processes of {threads}" if self.workers > 1 else threads
         lines += [
             f"time    about {_duration(self.wall_seconds)} a frame, {_duration(self.total_seconds)} in all "
             f"({parallel}; first use adds compilation)",
@@ -140,9 +137,8 @@ def plan(*args, **kwargs) -> Plan:
 
     Takes a `Request`, a `Job`, or the arguments of `atc.fields` up to `workers`.
     """
-    job = prepare(
-        args[0] if len(args) == 1 and not kwargs and isinstance(args[0], (Request, Job)) else Request(*args, **kwargs)
-    )
+    ready = len(args) == 1 and not kwargs and isinstance(args[0], (Request, Job))
+    job = prepare(args[0] if ready else Request(*args, **kwargs))
     sanity(job)
     work, frame, threads = job.work, job.first, job.threads
     if work.grid_users and (job.request.grid is None or (job.request.kern is None and work.kernel_users)):
@@ -244,43 +240,34 @@ def _passes(work: Work, job: Job) -> list[str]:
 
 
 def _left_out(work: Work) -> list[tuple[str, str]]:
-    out = []
-    if not work.bond_users:
-        out.append(("neighbour search, forces, bonds", "nothing asked needs the potential"))
-    else:
-        if not (work.bond or work.reference_bond):
-            out.append(("bond function", "no field asked is a sum over bonds at grid points"))
-        if not work.atom_virial:
-            out.append(("virial of each atom", "no per-atom or smoothed virial was asked for"))
-        if not work.energy_users:
-            out.append(("potential energies of the atoms", "no energy was asked for"))
-        if not work.source_users:
-            out.append(("energy sources of the bonds", "no heat flux or churning was asked for"))
-    if "velocities" not in work.attributes:
-        out.append(("velocities", "nothing asked depends on them"))
-    if not work.summed_site and work.grid_users:
-        out.append(
-            ("sums over atoms", "nothing asked needs them" if not work.site else "those with gradients have the same")
-        )
-    if work.kernel_users and not work.gradient_users:
-        out.append(("gradient of the kernel", "no gradient was asked for"))
-    if not work.grid_users:
-        out.append(("kernel and grid", "no field was asked for"))
-    if not work.reference_users:
-        out.append(("reference frame", "nothing asked refers to one"))
-    return out
+    bonds = bool(work.bond_users)
+    rows = (
+        (not bonds, "neighbour search, forces, bonds", "nothing asked needs the potential"),
+        (
+            bonds and not (work.bond or work.reference_bond),
+            "bond function",
+            "no field asked is a sum over bonds at grid points",
+        ),
+        (bonds and not work.atom_virial, "virial of each atom", "no per-atom or smoothed virial was asked for"),
+        (bonds and not work.energy_users, "potential energies of the atoms", "no energy was asked for"),
+        (bonds and not work.source_users, "energy sources of the bonds", "no heat flux or churning was asked for"),
+        ("velocities" not in work.attributes, "velocities", "nothing asked depends on them"),
+        (
+            not work.summed_site and work.grid_users,
+            "sums over atoms",
+            "nothing asked needs them" if not work.site else "those with gradients have the same",
+        ),
+        (work.kernel_users and not work.gradient_users, "gradient of the kernel", "no gradient was asked for"),
+        (not work.grid_users, "kernel and grid", "no field was asked for"),
+        (not work.reference_users, "reference frame", "nothing asked refers to one"),
+    )
+    return [(what, why) for left_out, what, why in rows if left_out]
 
 
 def _duration(s: float) -> str:
-    return (
-        f"{1000 * s:.0f} ms"
-        if s < 1
-        else f"{s:.2g} s"
-        if s < 100
-        else f"{s / 60:.1f} min"
-        if s < 6000
-        else f"{s / 3600:.1f} h"
-    )
+    if s < 1:
+        return f"{1000 * s:.0f} ms"
+    return f"{s:.2g} s" if s < 100 else f"{s / 60:.1f} min" if s < 6000 else f"{s / 3600:.1f} h"
 
 
 def _bytes(b: float) -> str:

@@ -69,11 +69,8 @@ class Request:
             )
         if self.forces not in MODES:
             raise AtcError(f"forces {self.forces!r}: expected one of {', '.join(map(repr, MODES))}")
-        if (
-            self.average is not True
-            and self.average is not False
-            and (not isinstance(self.average, (int, np.integer)) or self.average < 1)
-        ):
+        window = isinstance(self.average, (int, np.integer)) and self.average >= 1
+        if not (isinstance(self.average, bool) or window):
             raise AtcError(f"average {self.average!r}: expected True, False, or the number of frames in a window")
         for name in ("threads", "workers"):
             value = getattr(self, name)

@@ -32,14 +32,13 @@ def sanity(job: Job) -> None:
         spacing = 0.0 if getattr(bound, "means", False) else grid_spacing(bound)
         support = u.to_internal("length", job.request.kern.support)
         if spacing > support:
-            warnings.warn(
-                f"the kernel's radius ({float(job.request.kern.radius):g} {u.label('length')}) is smaller than the "
-                "distance between grid points "
+            radius = f"{float(job.request.kern.radius):g} {u.label('length')}"
+            text = (
+                f"the kernel's radius ({radius}) is smaller than the distance between grid points "
                 f"({u.to_user('length', spacing):.3g}): much of the material is seen by no point; use a finer grid or "
-                "a wider kernel",
-                AtcWarning,
-                stacklevel=3,
+                "a wider kernel"
             )
+            warnings.warn(text, AtcWarning, stacklevel=3)
 
 
 def grid_spacing(bound) -> float:

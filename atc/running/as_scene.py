@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from ..config.toml import toml_key, toml_value
+from ..config.toml import toml_document
 from ..estimators.registry import hidden
 from ..frame import Cell
 from ..grids import Grid
@@ -42,15 +42,7 @@ def scene_of(job) -> str:
     if job.request.output_units is not None:
         given = job.request.output_units
         sections["output"] = {"units": given if isinstance(given, str) else ", ".join(map(str, given))}
-    out = []
-    for name, table in sections.items():
-        if not table:
-            continue
-        out.append(f"[{name}]")
-        for key, value in table.items():
-            out.append(f"# {value}" if key == "#" else f"{toml_key(key)} = {toml_value(_plain(value))}")
-        out.append("")
-    return "\n".join(out)
+    return toml_document({name: {k: _plain(v) for k, v in (table or {}).items()} for name, table in sections.items()})
 
 
 def file_name(source) -> str:

@@ -70,12 +70,8 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
     if any(q.rank == 2 for q in work.quantities):
         static("j", ("j",), letters, long_name="second index of a tensor")
     first_of = "first frame of the window" if job.request.average is not False else "frame"
-    static(
-        "frame",
-        ("frame",),
-        np.arange(job.entries, dtype=i8) * job.window,
-        long_name=f"number of the {first_of} in the trajectory",
-    )
+    numbers = np.arange(job.entries, dtype=i8) * job.window
+    static("frame", ("frame",), numbers, long_name=f"number of the {first_of} in the trajectory")
     moving("step", (), (), i8, True, long_name=f"time step of the {first_of} (-1: unknown)")
     moving("time", (), (), f8, True, units=u.label("time"), long_name=f"time of the {first_of}")
     # Not along i, so that they are no coordinates of one component of a field.
@@ -98,14 +94,10 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             moving(name, dims, values.shape, f8, True, **attrs)
         for name, (dims, values, attrs) in _grid_coordinates(bound, u).items():
             if name not in at_times:
-                static(
-                    name,
-                    dims,
-                    values,
-                    **attrs,
-                    **({"comment": f"of the first frame; position_{name} has every frame's"} if moves else {}),
-                )
+                noted = {"comment": f"of the first frame; position_{name} has every frame's"} if moves else {}
+                static(name, dims, values, **attrs, **noted)
     tail = {0: (), 1: ("i",), 2: ("i", "j")}
+    told = {"units": "1", "sign_convention": "none"}  # what is no field
     shown = [q for q in work.quantities if not hidden(q.name)]
     crossing = through_planes(job.request.grid)
     for q in shown:
@@ -126,47 +118,17 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             comment.append(f"time average {of}")
         moving(q.name, head + tail[q.rank], shape, f8, **attrs, **({"comment": "; ".join(comment)} if comment else {}))
         if job.request.average is not False:
-            moving(
-                f"{q.name}_stderr",
-                head + tail[q.rank],
-                shape,
-                f8,
-                units=attrs["units"],
-                long_name=f"standard error of {called}",
-                sign_convention="positive",
-                comment="by block averaging; a lower bound where the blocks still correlate",
-            )
-            moving(
-                f"{q.name}_correlated",
-                head + tail[q.rank],
-                shape,
-                np.dtype(bool),
-                units="1",
-                sign_convention="none",
-                long_name=f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr "
-                "is a lower bound",
-            )
+            dims = head + tail[q.rank]
+            error = {"units": unit, "long_name": f"standard error of {called}", "sign_convention": "positive"}
+            how = "by block averaging; a lower bound where the blocks still correlate"
+            moving(f"{q.name}_stderr", dims, shape, f8, **error, comment=how)
+            how = f"whether the blocks still correlate (or are too few to tell), so that {q.name}_stderr is a lower"
+            moving(f"{q.name}_correlated", dims, shape, np.dtype(bool), **told, long_name=f"{how} bound")
     if result.mask is not None:
-        moving(
-            "mask",
-            apart + grid_dims,
-            result.mask.shape,
-            np.dtype(bool),
-            units="1",
-            sign_convention="none",
-            long_name="whether there is mass within the kernel: velocity and whatever is relative to it are NaN "
-            "where not",
-        )
+        what = "whether there is mass within the kernel: velocity and whatever is relative to it are NaN where not"
+        moving("mask", apart + grid_dims, result.mask.shape, np.dtype(bool), **told, long_name=what)
     if job.request.average is not False:
-        moving(
-            "frames_averaged",
-            (),
-            (),
-            i8,
-            units="1",
-            sign_convention="none",
-            long_name="number of frames in the average",
-        )
+        moving("frames_averaged", (), (), i8, **told, long_name="number of frames in the average")
     attrs = {
         "Conventions": "CF-1.11",  # in style: names, units, long_name; units are those of the run, not always UDUNITS's
         "atc_version": __version__,
@@ -180,17 +142,18 @@ def output_layout(job: Job, frame, result: FrameResult, moves: bool = False) -> 
             horizon=u.to_user("length", job.horizon),
             horizon_units=u.label("length"),
         )
-    if bound is not None and not work.kernel_users:
-        attrs.update(method="counted" if crossing else job.method_used, grid=_grid_name(job.request.grid))
+    grid = job.request.grid
+    if grid is not None and not work.kernel_users:
+        attrs.update(method="counted" if crossing else job.method_used, grid=grid.describe())
         if crossing and work.site:
-            attrs["passages_counted"] = counted_how(job.request.grid, job.request.pot, u)
-    elif bound is not None and job.request.kern is not None:
+            attrs["passages_counted"] = counted_how(grid, job.request.pot, u)
+    elif grid is not None and job.request.kern is not None:
         attrs.update(
             kernel=job.request.kern.describe(),
-            radius=radius_of(job.request.kern),
+            radius=float(job.request.kern.radius),
             radius_units=u.label("length"),
             method=job.method_used,
-            grid=_grid_name(job.request.grid),
+            grid=grid.describe(),
         )
     if any(q.thermal for q in shown) and not crossing:
         attrs["thermal_motion"] = f"relative to: {job.request.velocity}"
@@ -236,7 +199,8 @@ def in_output_units(layout: Layout, given) -> tuple[Layout, dict[str, float]]:
         factor, text = converted(str(v.attrs.get("units", "")), wanted)
         if "units" in v.attrs and text != v.attrs["units"]:
             static = None if v.static is None else v.static * factor
-            v = replace(v, attrs={**v.attrs, "units": text}, static=static)
+            dtype = v.dtype if static is None else static.dtype
+            v = replace(v, attrs={**v.attrs, "units": text}, static=static, dtype=dtype)
             factors[v.name] = factor
         variables.append(v)
     attrs = {**layout.attrs, "output_units": ", ".join(u.text for u in wanted)}
@@ -269,20 +233,7 @@ _WEIGHTS = {"mass": "mass density", "one": "number density", "degrees": "number 
 def _grid_coordinates(bound, u) -> dict:
     """The grid's coordinates as {name: (dims, values, attrs)}."""
     out = {}
-    for name, entry in bound.coords(u).items():
-        dims, values, *attrs = entry
-        out[name] = (
-            (dims,) if isinstance(dims, str) else tuple(dims),
-            np.asarray(values),
-            dict(attrs[0]) if attrs else {},
-        )
+    for name, (dims, values, *attrs) in bound.coords(u).items():
+        dims = (dims,) if isinstance(dims, str) else tuple(dims)
+        out[name] = dims, np.asarray(values), dict(attrs[0]) if attrs else {}
     return out
-
-
-def radius_of(kern) -> float:
-    """The kernel's radius, in its own unit of length."""
-    return float(kern.radius)
-
-
-def _grid_name(grid) -> str:
-    return grid.describe()

@@ -6,10 +6,8 @@ iterable of frames. What it makes of a frame is what `atc.fields` makes of it.
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import json
-import os
 import time
 import warnings
 from dataclasses import replace
@@ -22,7 +20,6 @@ from ..errors import AtcError, AtcWarning
 from ..estimators import groups
 from ..estimators.driver import fields_of
 from ..estimators.methods import Method
-from ..estimators.statistics import BlockAverage
 from ..neighbors.verlet import Following
 from ..planning.identity import differences, identity
 from ..planning.job import Job, prepare
@@ -31,6 +28,7 @@ from ..planning.sanity import sanity
 from ..readers.trajectory import Trajectory
 from .output import dataset_in_memory
 from .run import _Sink, fix_methods
+from .whole import replacing
 
 #: Seconds between two saves of what has been averaged.
 _SAVE_EVERY = 60.0
@@ -147,8 +145,8 @@ class Live:
     ):
         if isinstance(reference, (int, np.integer)):
             raise AtcError(f"reference {reference}: frames that come one by one have no numbers yet: give the frame")
-        if frames is not None and (isinstance(frames, bool) or not isinstance(frames, (int, np.integer)) or frames < 1):
-            raise AtcError(f"frames {frames!r}: expected about how many frames are to come, 1 or more")
+        if frames is not None:
+            _require_whole(f"frames {frames!r}", frames, "about how many frames are to come")
         self._request = Request(
             None, pot, kern, grid, quantities, tolerance, method, reference, average, threads, scene=scene,
             horizon=horizon, forces=forces, column_units=column_units,
@@ -362,11 +360,7 @@ class Live:
         while self._buffer:
             self._flush()
         sink = self._sink
-        arrays: dict[str, Any] = {
-            f"{name}/{key}": a for name, average in sink.averages.items() for key, a in average.state().items()
-        }
-        if sink.any_mass is not None:
-            arrays["any_mass"] = sink.any_mass
+        arrays: dict[str, Any] = sink.unfinished()
         for k, entry in enumerate(sink.entries):
             arrays |= {f"entry {k}/{name}": np.asarray(a) for name, a in entry.items()}
         about = {
@@ -374,32 +368,18 @@ class Live:
             "methods": {key: m.plain() for key, m in self._job.methods.items()}, "identity": self._identity(self._job),
         }  # fmt: skip
         arrays["about"] = np.array(json.dumps(about))
-        temporary = path.with_name(f".{path.name}.partial")
-        try:
-            with open(temporary, "wb") as f:
-                np.savez(f, **arrays)
-            os.replace(temporary, path)
-        except OSError as e:
-            raise AtcError(
-                f"{path}: cannot be written ({e.strerror or e}): choose another place or make room"
-            ) from None
-        finally:
-            with contextlib.suppress(OSError):
-                temporary.unlink()
+        with replacing(path) as part, open(part, "wb") as f:
+            np.savez(f, **arrays)
         self._saved = time.monotonic()
 
     def _restore(self, sink) -> None:
         about, arrays = self._before
         sink.note, sink.notes = about["note"], about["notes"]
-        sink.any_mass = arrays.get("any_mass")
-        by_name: dict[str, dict] = {}
-        for key, a in arrays.items():
-            name, slash, rest = key.rpartition("/")
-            if slash:
-                by_name.setdefault(name, {})[rest] = a
-        entries = sum(1 for name in by_name if name.startswith("entry "))
-        sink.entries = [by_name.pop(f"entry {k}") for k in range(entries)]
-        sink.averages = {name: BlockAverage.from_state(s, self._job.request.threads) for name, s in by_name.items()}
+        arrays = dict(arrays)
+        sink.entries = []
+        while own := [key for key in arrays if key.startswith(f"entry {len(sink.entries)}/")]:
+            sink.entries.append({key.partition("/")[2]: arrays.pop(key) for key in own})
+        sink.go_on(arrays)
 
     # --- where frames come from
 
@@ -419,9 +399,8 @@ class Live:
         """
         from ..readers.lammps.live import LammpsState
 
-        for name, value in (("steps", steps), ("every", every)):
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-                raise AtcError(f"{name} {value!r}: expected a whole number of steps, 1 or more")
+        _require_whole(f"steps {steps!r}", steps, "a whole number of steps")
+        _require_whole(f"every {every!r}", every, "a whole number of steps")
         if self._expected is None and self._arrived is None and self._window is None:
             self._expected = max(1, steps // every)
         state = LammpsState(lmp)
@@ -453,8 +432,7 @@ class Live:
         """
         from ..readers.lammps.live import LammpsState
 
-        if isinstance(every, bool) or not isinstance(every, (int, np.integer)) or every < 1:
-            raise AtcError(f"every {every!r}: expected a whole number of steps, 1 or more")
+        _require_whole(f"every {every!r}", every, "a whole number of steps")
         state = LammpsState(lmp)
         lmp.command(f"fix {fix} all external pf/callback {every} 1")
         last = [int(lmp.extract_global("ntimestep"))]
@@ -491,6 +469,11 @@ class Live:
             self.add(frame)
 
         return observe
+
+
+def _require_whole(said: str, value, expected: str) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise AtcError(f"{said}: expected {expected}, 1 or more")
 
 
 def _load(path):

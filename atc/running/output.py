@@ -43,6 +43,18 @@ class Variable:
     def all_dims(self):
         return self.dims if self.static is not None else ("frame", *self.dims)
 
+    def whole_shape(self, entries: int) -> tuple[int, ...]:
+        """The shape in an output of so many entries."""
+        return self.shape if self.static is not None else (entries, *self.shape)
+
+    def chunks(self) -> tuple[int, ...]:
+        """The shape of a piece on disk, none of which spans two entries."""
+        if self.static is not None:
+            return tuple(max(1, n) for n in self.shape)
+        row = self.dtype.itemsize * int(np.prod(self.shape[1:], dtype=np.int64))
+        first = max(1, _CHUNK_BYTES // max(1, row))
+        return (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(self.shape)))
+
 
 @dataclass
 class Layout:
@@ -76,9 +88,9 @@ def dataset_in_memory(layout: Layout, entries: list[dict], attrs: dict):
     data: dict = {}
     coords: dict = {}
     for v in layout.variables:
-        values = (
-            v.static if v.static is not None else np.stack([e[v.name] for e in entries]).astype(v.dtype, copy=False)
-        )
+        values = v.static
+        if values is None:
+            values = np.stack([e[v.name] for e in entries]).astype(v.dtype, copy=False)
         (coords if v.coordinate else data)[v.name] = (v.all_dims, values, _clean({**v.attrs, **attrs.get(v.name, {})}))
     return xr.Dataset(data, coords, _clean({**layout.attrs, **attrs.get("", {}), "variables": " ".join(data)}))
 
@@ -206,35 +218,22 @@ class Store:
                         f"{self.partial}, or start again without resuming"
                     )
                 for v in layout.variables:
-                    # The trajectory may have grown.
-                    if v.static is None and self._arrays[v.name].shape[0] != layout.entries:
-                        self._arrays[v.name].resize((layout.entries, *v.shape))
-                    elif v.static is not None and self._arrays[v.name].shape != v.shape:
-                        self._arrays[v.name].resize(v.shape)
-                        self._arrays[v.name][...] = v.static
+                    array, shape = self._arrays[v.name], v.whole_shape(layout.entries)
+                    if array.shape != shape:  # the trajectory may have grown
+                        array.resize(shape)
+                        if v.static is not None:
+                            array[...] = v.static
                 return
             shutil.rmtree(path, ignore_errors=True)
             self._group = zarr.open_group(path, mode="w", zarr_format=2)
             for v in layout.variables:
-                shape = v.shape if v.static is not None else (layout.entries, *v.shape)
-                dtype = v.static.dtype if v.static is not None else v.dtype
-                if v.static is not None:
-                    chunks = tuple(max(1, n) for n in shape)
-                else:
-                    first = max(
-                        1,
-                        int(
-                            _CHUNK_BYTES // max(1, np.dtype(dtype).itemsize * int(np.prod(v.shape[1:], dtype=np.int64)))
-                        ),
-                    )
-                    chunks = (1, *(max(1, min(n, first) if k == 0 else n) for k, n in enumerate(v.shape)))
                 with every_chunk():
                     array = self._group.create_array(
                         v.name,
-                        shape=shape,
-                        chunks=chunks,
-                        dtype=dtype,
-                        fill_value=_fill(dtype),
+                        shape=v.whole_shape(layout.entries),
+                        chunks=v.chunks(),
+                        dtype=v.dtype,
+                        fill_value=_fill(v.dtype),
                         filters=[numcodecs.CRC32()],
                         attributes={"_ARRAY_DIMENSIONS": list(v.all_dims), **_clean(v.attrs)},
                     )
@@ -326,9 +325,7 @@ class Store:
         """Remove what a finished output does not need; last what says that it is finished."""
         with explained(self.out, self.partial):
             last = ("made.json", "request.json", "journal.jsonl", "lock")
-            for entry in self.partial.iterdir():
-                if entry.name not in last:
-                    shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+            self._remove_all_but(last)
             for name in last[:2]:
                 (self.partial / name).unlink(missing_ok=True)
             self._unlock()
@@ -355,12 +352,11 @@ class Store:
         reserve(path, self._size())
         with h5netcdf.File(path, "w") as f:
             for v in self.layout.variables:
-                shape = v.shape if v.static is not None else (self.layout.entries, *v.shape)
-                for d, n in zip(v.all_dims, shape):
+                for d, n in zip(v.all_dims, v.whole_shape(self.layout.entries), strict=True):
                     if d not in f.dimensions:
                         f.dimensions[d] = n
             for v in self.layout.variables:
-                dtype = v.static.dtype if v.static is not None else np.dtype(v.dtype)
+                dtype, shape = v.dtype, v.whole_shape(self.layout.entries)
                 final = _clean({**v.attrs, **attrs.get(v.name, {})})
                 kwargs: dict = {}
                 if dtype.kind == "b":
@@ -388,8 +384,7 @@ class Store:
     def _size(self) -> int:
         """Bytes of the data."""
         return sum(
-            (v.static.size if v.static is not None else self.layout.entries * int(np.prod(v.shape, dtype=np.int64)))
-            * max(8, np.dtype(v.dtype).itemsize)
+            int(np.prod(v.whole_shape(self.layout.entries), dtype=np.int64)) * max(8, v.dtype.itemsize)
             for v in self.layout.variables
         )
 
@@ -411,12 +406,8 @@ class Store:
 
     def close(self) -> None:
         """Let another run have the place, and leave nothing behind that nobody could continue."""
-        if (
-            self._handle is not None
-            and not self.journal
-            and not (self.partial / "state.npz").exists()
-            and not (self.partial / "old").exists()
-        ):
+        kept = self.journal or any((self.partial / name).exists() for name in ("state.npz", "old"))
+        if self._handle is not None and not kept:
             shutil.rmtree(self.partial, ignore_errors=True)
         self._unlock()
 
@@ -430,10 +421,12 @@ class Store:
         # First of all what would make the rest look like a run to go on with.
         for name in ("made.json", "journal.jsonl"):
             (self.partial / name).unlink(missing_ok=True)
+        self._remove_all_but(("lock", "old"))
+
+    def _remove_all_but(self, names) -> None:
         for entry in self.partial.iterdir():
-            if entry.name in ("lock", "old"):
-                continue
-            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+            if entry.name not in names:
+                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
 
     def _read_json(self, name):
         try:
@@ -525,16 +518,6 @@ def _fill(dtype):
 opened: list[Path] = []
 
 
-def _require_all_chunks(path) -> None:
-    """A chunk that is missing reads as NaN: say so instead."""
-    import zarr
-
-    for name, a in zarr.open_group(str(path), mode="r").arrays():
-        why = _missing(path, name, a)
-        if why:
-            raise Damaged(why)
-
-
 def _missing(path, name, a) -> str | None:
     if not any(type(f).__name__ == "CRC32" for f in a.filters) or a.nchunks_initialized >= a.nchunks:
         return None  # outputs of 0.4 and before leave chunks without numbers out
@@ -566,8 +549,7 @@ def damage(path) -> str | None:
         except Exception:  # HDF5 has many words for it
             return f"{path}: its structure cannot be read: the file is damaged, compute it again"
     for name, a in arrays.items():
-        why = _missing(path, name, a) if path.suffix == ".zarr" else None
-        if why:
+        if path.suffix == ".zarr" and (why := _missing(path, name, a)):
             return why
         for k in range(a.shape[0]) if a.ndim else (Ellipsis,):
             try:
@@ -591,7 +573,11 @@ def open_dataset(path):
     opened.append(path)
     try:
         if path.suffix == ".zarr":
-            _require_all_chunks(path)
+            import zarr
+
+            for name, a in zarr.open_group(str(path), mode="r").arrays():
+                if why := _missing(path, name, a):  # which reads as NaN
+                    raise Damaged(why)
             ds = xr.open_dataset(path, engine="zarr", chunks=None, decode_times=False)
         else:
             require_sound(path)

@@ -86,27 +86,16 @@ def _in_processes(job, settings, frames):
     try:
         workers = Workers(count, settings)
     except (OSError, ImportError) as e:  # a limit on the number of processes
-        warnings.warn(
-            f"no worker processes can be had here ({getattr(e, 'strerror', None) or e}): frames are computed one "
-            "after another, by as many threads",
-            AtcWarning,
-            stacklevel=2,
-        )
+        why = f"no worker processes can be had here ({getattr(e, 'strerror', None) or e})"
+        text = f"{why}: frames are computed one after another, by as many threads"
+        warnings.warn(text, AtcWarning, stacklevel=2)
         settings = replace(settings, threads=count * job.request.threads)
         for k, group in frames:
             yield group, fields_of(group, settings, k)
         return
     threads = ThreadPoolExecutor(count)  # one to wait for each process
-    waiting: deque = deque()
     try:
-        for k, group in frames:
-            waiting.append((group, threads.submit(workers.compute, group, k)))
-            if len(waiting) > 2 * count:
-                group, future = waiting.popleft()
-                yield group, future.result()
-        while waiting:
-            group, future = waiting.popleft()
-            yield group, future.result()
+        yield from _with_groups(frames, lambda group, k: threads.submit(workers.compute, group, k), 2 * count + 1)
     finally:
         workers.end()
         threads.shutdown(cancel_futures=True)
@@ -123,9 +112,7 @@ def connected(cluster):
         import distributed
     except ImportError:
         raise AtcError("a cluster needs dask and distributed: pip install 'atc[cluster]'") from None
-    import warnings
-
-    own = not isinstance(cluster, distributed.Client)
+    own, client = not isinstance(cluster, distributed.Client), cluster
     if own:
         try:
             client = distributed.Client(cluster, timeout=PATIENCE, set_as_default=False)
@@ -134,8 +121,6 @@ def connected(cluster):
                 f"cluster {cluster}: no Dask scheduler answers there ({' '.join(str(e).split())[:120]}): give its "
                 "address, e.g. tcp://127.0.0.1:8786"
             ) from None
-    else:
-        client = cluster
     try:
         if not _workers(client):
             address = getattr(client.scheduler, "address", cluster)
@@ -165,15 +150,22 @@ def _many(client) -> int:
 def _on_cluster(job, settings, frames):
     with connected(job.request.cluster) as client:
         keep = client.submit(_itself, settings, pure=False)
-        sent: deque = deque()
+        yield from _with_groups(
+            frames, lambda group, k: client.submit(_frame_task, group, keep, k, pure=False), _many(client)
+        )
 
-        def jobs():
-            for k, group in frames:
-                sent.append(group)
-                yield client.submit(_frame_task, group, keep, k, pure=False)
 
-        for result in _in_order(jobs(), _many(client)):
-            yield sent.popleft(), result
+def _with_groups(frames, submit, most: int):
+    """(frames, result) of groups that `submit` has computed elsewhere, no more than `most` of them under way."""
+    sent: deque = deque()
+
+    def jobs():
+        for k, group in frames:
+            sent.append(group)
+            yield submit(group, k)
+
+    for result in _in_order(jobs(), most):
+        yield sent.popleft(), result
 
 
 def _in_order(jobs, most: int):

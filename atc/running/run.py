@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 import warnings
 from dataclasses import replace
@@ -306,10 +307,8 @@ def _run_frames(job: Job, store: Store | None, progress) -> _Sink:
 
 def _agreement(job: Job, store) -> str:
     """Whether the run's forces are the potential's, in words: once a run, before anything is computed."""
-    about = [
-        job.request.forces,
-        [str(p) for p in job.request.log] if isinstance(job.request.log, list) else str(job.request.log),
-    ]
+    log = job.request.log
+    about = [job.request.forces, [str(p) for p in log] if isinstance(log, list) else str(log)]
     known = store.recall("agrees_with_run") if store is not None else None
     if known is not None and known["about"] == about:
         return known["text"]
@@ -356,15 +355,11 @@ def fix_methods(job: Job, store, start: int, anchor=None) -> FrameResult | None:
                 _fix_methods_again(job, job.n_frames // 2, run_tiles)
         over = [e["error_max"] for e in result.errors.values() if e["error_max"] > job.request.tolerance]
         if result.refined and not over:
-            changed = [
-                f"{summary({k: m})} to {m.tolerance:g} -> {job.methods[k]}"
-                for k, m in began.items()
-                if m.looser_than(job.methods[k])
-            ]
-            if changed:
-                result.refined = [
-                    Refinement(f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})")
-                ]
+            tighter = {k: m for k, m in began.items() if m.looser_than(job.methods[k])}
+            if tighter:
+                changed = (f"{summary({k: m})} to {m.tolerance:g} -> {job.methods[k]}" for k, m in tighter.items())
+                what = f"for all frames, after the first: {', '.join(changed)} ({result.refined[0]})"
+                result.refined = [Refinement(what)]
     if store is not None:
         store.remember("methods", {key: m.plain() for key, m in job.methods.items()})
     return result if start == 0 else None
@@ -457,19 +452,14 @@ class _Sink:
             self._emit({**values, **self._coordinates(frame, result)}, result.mask)
             return
         for name, x in result.arrays.items():
-            weight = QUANTITIES[name].weight
             # The weight stays in internal units: only ratios of it matter.
+            weight = None if QUANTITIES[name].weight is None else result.weights[name]
             if name not in self.averages:
                 self.averages[name] = BlockAverage(block=self.job.group(k), threads=self.job.threads)
-            self.averages[name].add(
-                x, None if weight is None else result.weights[name], result.frames, result.within.get(name)
-            )
-        if result.mask is not None:
-            self.any_mass = result.mask.copy() if self.any_mass is None else self.any_mass | result.mask
+            self.averages[name].add(x, weight, result.frames, result.within.get(name))
+        self.any_mass, self.any_common = _either(self.any_mass, result.mask), _either(self.any_common, result.common)
         for name, w in result.weights.items():
             self.any_weight[name] = (w > 0) | self.any_weight.get(name, False)
-        if result.common is not None:
-            self.any_common = result.common.copy() if self.any_common is None else self.any_common | result.common
         if "frame" not in self.note:
             self.note.update(frame=k, first=_plain_coordinates(self._coordinates(frame, result)))
         if last_of_window:
@@ -545,11 +535,8 @@ class _Sink:
             self.note.setdefault("refined", []).extend([j, what.plain()] for j in range(k, k + result.frames))
             if not self._said_refined:
                 self._said_refined = True
-                warnings.warn(
-                    f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)",
-                    AtcWarning,
-                    stacklevel=2,
-                )
+                text = f"{frame.source}: computed again more closely: {what} (further ones are noted in the output)"
+                warnings.warn(text, AtcWarning, stacklevel=2)
         self.note["frames"] = self.note.get("frames", 0) + result.frames
         if self.store is not None:
             self.note.setdefault("digests", []).extend(frame_digest(f) for f in (frame, *more))
@@ -583,12 +570,8 @@ class _Sink:
 
     def _fits(self, frame, result):
         if not self.moves and self.job.entries > 1 and follows_cell(self.job) and frame.cell != self._cell:
-            warnings.warn(
-                f"{frame.source}: the cell changes, and the grid with it, but its coordinates in the output are those "
-                "of the first frame: see cell and cell_origin",
-                AtcWarning,
-                stacklevel=2,
-            )
+            text = "the cell changes, and the grid with it, but its coordinates in the output are those of the first"
+            warnings.warn(f"{frame.source}: {text} frame: see cell and cell_origin", AtcWarning, stacklevel=2)
             self._cell = frame.cell
         for v in self.layout.variables:
             x = result.arrays.get(v.name)
@@ -626,9 +609,8 @@ class _Sink:
         step, moved = self.input_error
         if moved:
             for name, error in moved.items():
-                if hidden(name):
-                    continue
-                out.setdefault(name, {})["input_error"] = error
+                if not hidden(name):
+                    out.setdefault(name, {})["input_error"] = error
             out[""]["input_error"] = max(moved.values())
             out[""]["input_resolution"] = self.job.first.units.to_user("length", step)
         refined = Refinement.summary([r for note in self.notes for r in note.get("refined", [])])
@@ -652,18 +634,12 @@ class _Sink:
             missed = {name: at["tolerance_kept"] for name, at in out.items() if "tolerance_kept" in at}
             if missed:
                 # The exact sum itself can only miss it where a field is the small difference of large numbers.
-                exact = all(m.exact or not m.forced for m in self.job.methods.values())
-                warnings.warn(
-                    f"the measured error {worst:.1e}: tolerance {self.job.request.tolerance:.1e} not kept for "
-                    + ", ".join(f"{name} ({kept.partition(': ')[2]})" for name, kept in missed.items())
-                    + (
-                        ": hardly more than the rounding of what they are the difference of"
-                        if exact
-                        else ": use method='direct'"
-                    ),
-                    AtcWarning,
-                    stacklevel=2,
-                )
+                how = "use method='direct'"
+                if all(m.exact or not m.forced for m in self.job.methods.values()):
+                    how = "hardly more than the rounding of what they are the difference of"
+                which = ", ".join(f"{name} ({kept.partition(': ')[2]})" for name, kept in missed.items())
+                text = f"tolerance {self.job.request.tolerance:.1e} not kept for {which}: {how}"
+                warnings.warn(f"the measured error {worst:.1e}: {text}", AtcWarning, stacklevel=2)
         return out
 
     # --- an average that was interrupted
@@ -672,36 +648,44 @@ class _Sink:
         if self.store is not None and self.averages and self.job.window > 1:
             self._save(self.store, after)
 
-    def _save(self, store: Store, after):
-        import json
-
+    def unfinished(self) -> dict:
+        """The averages so far, as arrays by names."""
         arrays = {f"{name}/{key}": a for name, average in self.averages.items() for key, a in average.state().items()}
         for key in ("any_mass", "any_common"):
             if getattr(self, key) is not None:
                 arrays[key] = getattr(self, key)
-        arrays |= {f"any_weight:{name}": known for name, known in self.any_weight.items()}
-        arrays["about"] = np.array(json.dumps({"entry": len(self.notes), "next": after, "note": self.note}))
-        store.save_state(arrays)
+        return arrays | {f"any_weight:{name}": known for name, known in self.any_weight.items()}
+
+    def go_on(self, arrays: dict) -> None:
+        """Take the averages as `unfinished` gave them."""
+        self.any_mass, self.any_common = arrays.pop("any_mass", None), arrays.pop("any_common", None)
+        by_name: dict[str, dict] = {}
+        for key, a in arrays.items():
+            if key.startswith("any_weight:"):
+                self.any_weight[key.partition(":")[2]] = a
+            else:
+                name, _, rest = key.rpartition("/")
+                by_name.setdefault(name, {})[rest] = a
+        self.averages = {name: BlockAverage.from_state(s, self.job.threads) for name, s in by_name.items()}
+
+    def _save(self, store: Store, after):
+        about = {"entry": len(self.notes), "next": after, "note": self.note}
+        store.save_state({**self.unfinished(), "about": np.array(json.dumps(about))})
         self._saved = time.monotonic()
 
     def _restore(self, state):
-        import json
-
         if state is None:
             return
         about = json.loads(str(state.pop("about")))
         if about["entry"] != len(self.notes):
             return
         self.next_frame, self.note = about["next"], about["note"]
-        self.any_mass, self.any_common = state.pop("any_mass", None), state.pop("any_common", None)
-        self.any_weight = {
-            key.partition(":")[2]: state.pop(key) for key in list(state) if key.startswith("any_weight:")
-        }
-        by_name: dict[str, dict] = {}
-        for key, a in state.items():
-            name, _, rest = key.partition("/")
-            by_name.setdefault(name, {})[rest] = a
-        self.averages = {name: BlockAverage.from_state(s, self.job.threads) for name, s in by_name.items()}
+        self.go_on(state)
+
+
+def _either(a, b):
+    """Where one of two masks is True; None says nothing."""
+    return b if a is None else a if b is None else a | b
 
 
 def _plain_coordinates(coordinates):

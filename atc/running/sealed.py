@@ -147,13 +147,8 @@ def _survived(path) -> bool:
     key = (str(path), about.st_ino, about.st_size, about.st_mtime_ns)
     if key not in _tried:
         try:
-            done = subprocess.run(
-                [sys.executable, "-c", _TRY, os.fspath(path)],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                timeout=PATIENCE,
-            )
+            call, no = [sys.executable, "-c", _TRY, os.fspath(path)], subprocess.DEVNULL
+            done = subprocess.run(call, stdin=no, stdout=no, stderr=no, timeout=PATIENCE)
             _tried[key] = done.returncode == 0
         except subprocess.TimeoutExpired:
             _tried[key] = False

@@ -102,6 +102,24 @@ def test_an_average_goes_on(frames, asked, average, tmp_path):
         atc.Live(**asked, average=average, keep=kept)
 
 
+def test_where_there_were_atoms_is_kept_too(frames, tmp_path):
+    """A mean goes on where atoms have left: what it is known of is not only where they are afterwards."""
+    squeezed = [f.replace(positions=f.positions * [1.0, 1.0, 0.5]) for f in frames[:4]]
+    up = [0.0, 0.0, 0.5 * frames[0].cell.heights[2]]
+    halves = squeezed[:2] + [f.replace(positions=f.positions + up) for f in squeezed[2:]]
+    some = dict(kern=atc.kernel("quartic", 3.0), grid=atc.Grid.slab("z", 12), quantities=["temperature", "velocity"])
+    want = atc.fields(halves, **some, average=True)
+    live = atc.Live(**some, average=True, keep=tmp_path / "average.npz")
+    for half in halves[:2]:
+        live.add(half)
+    live.save()
+    again = atc.Live(**some, average=True, keep=tmp_path / "average.npz")
+    for half in halves[2:]:
+        again.add(half)
+    assert np.isfinite(want.temperature).all()
+    same(again.result(), want)
+
+
 def test_generators(frames, asked):
     same(atc.fields((f for f in frames), **asked, average=True), atc.fields(frames, **asked, average=True))
     same(atc.fields(iter(frames), **asked), atc.fields(frames, **asked))

@@ -15,11 +15,16 @@ COMPARE_EVERY = 10
 GUARD = {"float64": 1e-9, "float32": 2e-4}
 
 
+def _forces(edges, g_ec):
+    c, n = edges.centre, edges.neighbour
+    return np.stack([np.bincount(c, g, edges.n) - np.bincount(n, g, edges.n) for g in g_ec.T], axis=1)
+
+
 def identity(term, edges, g_ec, a_e, share_n, v_nc, source: str) -> float:
     """v_j·F_j + dU^(j)/dt = Σ_{c=j} I_e − Σ_{n=j} I_e, I_e = g_e·v_n + a_e: the largest difference over the largest of
     what edges bring to an atom. Raises AtcError where it is not rounding."""
     c, n, size = edges.centre, edges.neighbour, edges.n
-    F = np.stack([np.bincount(c, g, size) - np.bincount(n, g, size) for g in g_ec.T], axis=1)
+    F = _forces(edges, g_ec)
     I_e = np.einsum("ec,ec->e", g_ec, v_nc[n]) + a_e
     brought = np.bincount(c, I_e, size) - np.bincount(n, I_e, size)
     w = np.einsum("nc,nc->n", v_nc, F) + share_n
@@ -56,9 +61,7 @@ def against_own(term, edges, g_ec, energy_n, species_n, place, source: str, batc
         )
         return
     energy, forces, virial = term.own(place.x_nc, place.cell, place.periodic, species_n, term)
-    c, n = edges.centre, edges.neighbour
-    F = np.stack([np.bincount(c, g, edges.n) - np.bincount(n, g, edges.n) for g in g_ec.T], axis=1)
-    W = edges.r_ec.T @ g_ec
+    F, W = _forces(edges, g_ec), edges.r_ec.T @ g_ec
     size = np.sqrt((edges.r_ec**2).sum() * (g_ec**2).sum())
     for what, ours, theirs, scale in (
         ("energy", energy_n.sum(), energy, np.abs(energy_n).sum()),

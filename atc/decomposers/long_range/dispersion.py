@@ -30,7 +30,7 @@ from ...frame import Frame
 from ..base import Term, Work
 from ..pairs.pairs import MAX_TYPES, kinds_of
 from .ewald import Smooth, SmoothWork
-from .split import ACCURACY
+from .split import ACCURACY, Gaussian
 from .stress import Products
 from .transform import wave_vectors
 
@@ -41,7 +41,7 @@ _NODES, _TABLE = 160, 3000
 
 
 @dataclass(frozen=True)
-class DispersionSplit:
+class DispersionSplit(Gaussian):
     """Where −C/r⁶ is split, as `Split`."""
 
     alpha: float
@@ -56,14 +56,6 @@ class DispersionSplit:
     def at(self, accuracy: float) -> DispersionSplit:
         """The same α with another accuracy."""
         return DispersionSplit(self.alpha, _reach(accuracy) / self.alpha, accuracy)
-
-    @property
-    def s(self) -> float:
-        return 0.25 / self.alpha**2
-
-    def largest_wave(self, accuracy: float | None = None) -> float:
-        """The wave number a with e^{−s a²} = accuracy."""
-        return sqrt(-np.log(self.accuracy if accuracy is None else accuracy) / self.s)
 
     def modes(self, k):
         """V and dV/dk² at wave numbers k."""

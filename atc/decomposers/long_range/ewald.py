@@ -136,14 +136,8 @@ class LongRangeCoulomb(Term):
         """E₀ = −4πC M_z/V, the field along z of the slab correction."""
         if self.slab is None:
             return 0.0
-        vectors, _ = self.box(frame)
-        return (
-            -4
-            * pi
-            * self.split.constant
-            * float(frame.charges @ frame.positions[:, 2])
-            / abs(float(np.linalg.det(vectors)))
-        )
+        volume = abs(float(np.linalg.det(self.box(frame)[0])))
+        return -4 * pi * self.split.constant * float(frame.charges @ frame.positions[:, 2]) / volume
 
     def modes(self, frame: Frame, threads: int = 1):
         """`Smooth` of a frame; the last one is remembered."""

@@ -14,8 +14,23 @@ ACCURACY = 1e-8
 SHARE, FINEST, COARSEST = 2e-3, 1e-13, 1e-5
 
 
+class Gaussian:
+    """What splits share, whose smooth part falls like e^{−s k²}."""
+
+    alpha: float
+    accuracy: float
+
+    @property
+    def s(self) -> float:
+        return 0.25 / self.alpha**2
+
+    def largest_wave(self, accuracy: float | None = None) -> float:
+        """The wave number a with e^{−s a²} = accuracy."""
+        return sqrt(-log(self.accuracy if accuracy is None else accuracy) / self.s)
+
+
 @dataclass(frozen=True)
-class Split:
+class Split(Gaussian):
     """erfc(αd)/d is bonds, erf(αd)/d is smooth.
 
     alpha : 1/length. cutoff : of the bonds. constant : Coulomb's, over the dielectric constant. accuracy : see
@@ -37,14 +52,6 @@ class Split:
         values depend on α, so it must not depend on how accurately they are wanted."""
         alpha = self.alpha if alpha is None else alpha
         return Split(alpha, float(_reach(accuracy)) / alpha, self.constant, accuracy)
-
-    @property
-    def s(self) -> float:
-        return 0.25 / self.alpha**2
-
-    def largest_wave(self, accuracy: float | None = None) -> float:
-        """The wave number a with e^{−s a²} = accuracy."""
-        return sqrt(-log(self.accuracy if accuracy is None else accuracy) / self.s)
 
 
 def accuracy_for(tolerance: float) -> float:

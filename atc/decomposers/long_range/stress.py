@@ -322,9 +322,8 @@ def nodes_for(split, tolerance: float, q_max: float, hat) -> int:
             z = 0.5 * split.s * (b * b - x_a * x_a)
             exact = np.where(np.abs(z) > 1e-6, -np.expm1(-z) / np.where(z == 0, 1.0, z), 1.0 - 0.5 * z)
             rule = sum(wi * np.exp(-z * ti) for ti, wi in zip(t, w))
-            worst = max(
-                worst, float((np.abs(rule - exact) * np.exp(-split.s * x_a**2) * split.s * x_a**2 * weight).max())
-            )
+            off = np.abs(rule - exact) * np.exp(-split.s * x_a**2) * split.s * x_a**2 * weight
+            worst = max(worst, float(off.max()))
         if worst <= tolerance:
             return nodes
     return MOST_NODES

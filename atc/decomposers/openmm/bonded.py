@@ -24,28 +24,28 @@ def _types(rows):
     return types.reshape(-1) + 1, values
 
 
+def _harmonic(rows, make):
+    """½k(x − x0)² of rows (atoms .., x0, k). make : {type: (½k, x0)} → term"""
+    numbers = np.array([[_number(r[-1]), _number(r[-2])] for r in rows]).reshape(-1, 2)
+    on = numbers[:, 0] != 0.0
+    if not on.any():
+        return []
+    types, values = _types(numbers[on])
+    term = make({t: (0.5 * k, x0) for t, (k, x0) in enumerate(values, 1)})
+    return [listed(term, np.array([r[:-2] for r in rows])[on], types)]
+
+
 def harmonic_bonds(force, name, chiral=False):
     """½k(r − r0)²"""
     rows = [force.getBondParameters(k) for k in range(force.getNumBonds())]
-    numbers = [(_number(k), _number(r0)) for _, _, r0, k in rows]
-    on = np.array([k != 0.0 for k, _ in numbers], bool)
-    if not on.any():
-        return []
-    types, values = _types(np.array(numbers)[on])
-    term = HarmonicBond({t: (0.5 * k, r0) for t, (k, r0) in enumerate(values, 1)}, units=OPENMM)
-    return [listed(term, np.array([r[:2] for r in rows])[on], types)]
+    return _harmonic(rows, lambda numbers: HarmonicBond(numbers, units=OPENMM))
 
 
 def harmonic_angles(force, name, chiral=False):
     """½k(θ − θ0)²"""
     rows = [force.getAngleParameters(k) for k in range(force.getNumAngles())]
-    numbers = [(_number(k), _number(theta)) for *_, theta, k in rows]
-    on = np.array([k != 0.0 for k, _ in numbers], bool)
-    if not on.any():
-        return []
-    types, values = _types(np.array(numbers)[on])
-    term = HarmonicAngle({t: (0.5 * k, np.degrees(theta)) for t, (k, theta) in enumerate(values, 1)}, units=OPENMM)
-    return [listed(term, np.array([r[:3] for r in rows])[on], types)]
+    in_degrees = lambda numbers: {t: (k, np.degrees(theta)) for t, (k, theta) in numbers.items()}  # noqa: E731
+    return _harmonic(rows, lambda numbers: HarmonicAngle(in_degrees(numbers), units=OPENMM))
 
 
 def periodic_torsions(force, name, chiral=False):
@@ -86,9 +86,8 @@ def rb_torsions(force, name, chiral=False):
     if not on.any():
         return []
     types, values = _types(numbers[on])
-    return [
-        listed(NHarmonicTorsion(dict(enumerate(values, 1)), units=OPENMM), np.array([r[:4] for r in rows])[on], types)
-    ]
+    term = NHarmonicTorsion(dict(enumerate(values, 1)), units=OPENMM)
+    return [listed(term, np.array([r[:4] for r in rows])[on], types)]
 
 
 def correction_maps(force, name, chiral=False):
@@ -122,16 +121,20 @@ def correction_maps(force, name, chiral=False):
     return [listed(term, [[*r[1:5], r[8]] for r in rows], [used.index(r[0]) + 1 for r in rows])]
 
 
-def formula_of(force, name, variable: str, per: str, suffixes=("",)):
-    """(`SystemFormula`, names of the parameters) of a Custom force; `per`: what has them ("Bond", "Particle" ..)."""
-    kind = type(force).__name__
-    names = [
-        getattr(force, f"getPer{per}ParameterName")(k) for k in range(getattr(force, f"getNumPer{per}Parameters")())
-    ]
-    constants = {
+def global_parameters(force) -> dict[str, float]:
+    """{name: default} of a Custom force."""
+    return {
         force.getGlobalParameterName(k): _number(force.getGlobalParameterDefaultValue(k))
         for k in range(force.getNumGlobalParameters())
     }
+
+
+def formula_of(force, name, variable: str, per: str, suffixes=("",)):
+    """(`SystemFormula`, names of the parameters) of a Custom force; `per`: what has them ("Bond", "Particle" ..)."""
+    kind = type(force).__name__
+    count = getattr(force, f"getNumPer{per}Parameters")()
+    names = [getattr(force, f"getPer{per}ParameterName")(k) for k in range(count)]
+    constants = global_parameters(force)
     tables = {}
     if hasattr(force, "getNumTabulatedFunctions"):
         tables = {
@@ -145,10 +148,11 @@ def formula_of(force, name, variable: str, per: str, suffixes=("",)):
         raise AtcError(f"{name}: {kind}: the formula {text!r}: {e}") from None
 
 
-def _custom(force, name, cls, variable, per, count, parameters, width):
-    if not getattr(force, count)():
+def _custom(force, name, cls, variable, per, width):
+    """The term of a Custom force by formula; `per`: what it is of ("Bond", "Angle", "Torsion"), with so many atoms."""
+    if not getattr(force, f"getNum{per}s")():
         return []
-    formula, types, values, names, atoms = _parts(force, name, variable, per, count, parameters, width)
+    formula, types, values, names, atoms = _parts(force, name, variable, per, width)
     try:
         term = cls(formula, {n: values[:, k] for k, n in enumerate(names)}, len(values))
     except AtcError as e:
@@ -159,36 +163,34 @@ def _custom(force, name, cls, variable, per, count, parameters, width):
     return [listed(term, atoms, types)]
 
 
-def _parts(force, name, variable, per, count, parameters, width):
+def _parts(force, name, variable, per, width):
     """The formula of a Custom force, types and their numbers with names, and the atoms of its terms."""
     formula, names = formula_of(force, name, variable, per)
-    rows = [getattr(force, parameters)(k) for k in range(getattr(force, count)())]
+    rows = [getattr(force, f"get{per}Parameters")(k) for k in range(getattr(force, f"getNum{per}s")())]
     types, values = _types(np.array([[_number(v) for v in r[width]] for r in rows]).reshape(len(rows), -1))
     return formula, types, values, names, [r[:width] for r in rows]
 
 
 def custom_bonds(force, name, chiral=False):
     """By formula."""
-    return _custom(force, name, FormulaBond, "r", "Bond", "getNumBonds", "getBondParameters", 2)
+    return _custom(force, name, FormulaBond, "r", "Bond", 2)
 
 
 def custom_angles(force, name, chiral=False):
     """By formula."""
-    return _custom(force, name, FormulaAngle, "theta", "Angle", "getNumAngles", "getAngleParameters", 3)
+    return _custom(force, name, FormulaAngle, "theta", "Angle", 3)
 
 
 def custom_torsions(force, name, chiral=False):
     """By formula; those that are not the same for φ and −φ only as `chiral`."""
     try:
-        return _custom(force, name, FormulaTorsion, "theta", "Torsion", "getNumTorsions", "getTorsionParameters", 4)
+        return _custom(force, name, FormulaTorsion, "theta", "Torsion", 4)
     except AtcError as e:
         if "phi and -phi" not in str(e):
             raise
         if not chiral:
             raise AtcError(f"{e}{_WITH}") from None
-    formula, types, values, names, atoms = _parts(
-        force, name, "theta", "Torsion", "getNumTorsions", "getTorsionParameters", 4
-    )
+    formula, types, values, names, atoms = _parts(force, name, "theta", "Torsion", 4)
     law = FormulaLaw(formula, {n: np.concatenate([[0.0], values[:, k]]) for k, n in enumerate(names)})
     return [listed(AcrossTorsion(law, "chiral torsion by formula"), atoms, types)]
 

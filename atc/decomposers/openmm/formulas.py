@@ -52,10 +52,8 @@ class Table:
             inside = (x >= self.low) & (x <= self.high)
             at = np.clip(x, self.low, self.high)
             return np.where(inside, f(at), 0.0), np.where(inside, f(at, 1), 0.0) * dx
-        index = [
-            np.clip(np.rint(np.asarray(x, float)), 0, n - 1).astype(int)
-            for (x, _), n in zip(arguments, self.values.shape)
-        ]
+        places = (np.rint(np.asarray(x, float)) for x, _ in arguments)
+        index = [np.clip(x, 0, n - 1).astype(int) for x, n in zip(places, self.values.shape)]
         return self.values[tuple(index) if len(index) == 2 else (index[0], 0)], 0.0
 
 
@@ -106,9 +104,8 @@ class SystemFormula(LeptonFormula):
     @property
     def functions(self) -> set:
         trees = [self.tree, *self.definitions.values()]
-        return {
-            n.func.id for t in trees for n in ast.walk(t) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
-        }
+        calls = (n.func for t in trees for n in ast.walk(t) if isinstance(n, ast.Call))
+        return {f.id for f in calls if isinstance(f, ast.Name)}
 
 
 def powers_of(formula: SystemFormula, pairs) -> tuple[np.ndarray, np.ndarray] | None:

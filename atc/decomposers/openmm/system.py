@@ -10,7 +10,7 @@ from ..base import Potential
 from ..constraints.held import Constraints
 from ..constraints.virtual_sites import VirtualSites
 from .atoms import Particles, SystemConstraints
-from .bonded import BONDED
+from .bonded import BONDED, global_parameters
 from .formulas import _number
 from .nonbonded import nonbonded
 from .sites import sites_of
@@ -70,10 +70,7 @@ def _defaults(force, kind):
     """A word about global parameters, which a run may have changed."""
     if kind == "NonbondedForce" or not hasattr(force, "getNumGlobalParameters") or not force.getNumGlobalParameters():
         return []
-    names = (
-        f"{force.getGlobalParameterName(k)} = {_number(force.getGlobalParameterDefaultValue(k)):g}"
-        for k in range(force.getNumGlobalParameters())
-    )
+    names = (f"{name} = {value:g}" for name, value in global_parameters(force).items())
     return [f"{kind} with the default {', '.join(names)}"]
 
 
