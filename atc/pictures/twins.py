@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import AtcError
 from .drawing import STYLE, colours, draw_map, figure, save, titled
-from .geometry import cut, points_of_grid, unit_text, with_unit
+from .geometry import cut, points_of_grid, with_unit
 from .movies import write_movie
 
 
@@ -32,7 +32,6 @@ def picture(data, path, title, components=None):
 def over_line(data, title, components=None):
     """Figure of a line grid: both sides at the first, the middle and the last frame, one row for each component. By
     default the displacement and the stress that vary most over time."""
-
     place = points_of_grid(data, data["md_density"].isel(frame=0))
     s, text = place.abscissa(0)
     n = data.sizes["frame"]
@@ -40,19 +39,21 @@ def over_line(data, title, components=None):
     components = components or [_varying(data, "displacement"), _varying(data, "stress")]
     fig, axs = figure(len(frames) * len(components), 4.2, 2.9, columns=len(frames))
     for row, (name, index, label) in zip(np.reshape(axs, (-1, len(frames))), components):
-        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
         for ax, k in zip(row, frames):
             inside = _matter(data)[k]
-            for side, style in (("md", "k.-"), ("pd", "C3-")):
-                v = np.where(inside, data[f"{side}_{name}"].values[(k, ..., *index)], np.nan)
-                ax.plot(s, v, style, label=side.upper(), lw=1.0, ms=3)
-            ax.set_xlabel(text)
-            ax.set_ylabel(label + (f" ({units})" if units else ""))
+            _both(ax, s, text, data, name, label, lambda v: np.where(inside, v[(k, ..., *index)], np.nan))  # noqa: B023
             ax.set_title(f"frame {k + 1} of {n}")
-            ax.spines[["top", "right"]].set_visible(False)
         row[0].legend()
     titled(fig, title.split(": means of")[0])
     return fig
+
+
+def _both(ax, s, text, data, name, label, of_values) -> None:
+    """Curves of both sides over s, `of_values` of what the dataset has of a field."""
+    for side, style in (("md", "k.-"), ("pd", "C3-")):
+        ax.plot(s, of_values(data[f"{side}_{name}"].values), style, label=side.upper(), lw=1.0, ms=3)
+    ax.set(xlabel=text, ylabel=with_unit(label, data[f"md_{name}"].attrs.get("units")))
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _varying(data, name):
@@ -72,7 +73,6 @@ def _kind(data) -> str:
 
 def movie(data, path, title, components=None, rate: float = 5.0) -> Path:
     """The same frame by frame as a movie (.gif, .mp4), `rate` frames a second, with the same colours in all of them."""
-
     components = components or components_of(data)
     limits = [_largest(data, name, index) for name, index, _ in components]
     figures = (
@@ -95,7 +95,6 @@ def _largest(data, name, index) -> tuple[float, float]:
 def drawn(data, title, components=None, limits=None):
     """The figure of `picture`. limits : of the colours, (both sides, difference) of each component; default: their
     own."""
-
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
     if place.kind not in ("volume", "plane"):
@@ -126,7 +125,6 @@ def drawn(data, title, components=None, limits=None):
 def profiles(data, components=None):
     """Figure of both sides along an axis of the grid: means over the frames and, in matter, over the cross-section; the
     MD's with its standard error. Of a displacement the axis is its own, of other fields the longest of the others."""
-
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
     if place.kind not in ("volume", "plane", "line"):
@@ -136,19 +134,21 @@ def profiles(data, components=None):
     for ax, (name, index, label) in zip(axs, components):
         along = _axis(place, components[0][1][0], name == "displacement")
         s, text = place.abscissa(along)
-        for side, style in (("md", "k.-"), ("pd", "C3-")):
-            v = np.where(matter, data[f"{side}_{name}"].values[(..., *index)], np.nan)
-            v = np.moveaxis(v, along + 1, 1).reshape(*v.shape[:1], len(s), -1)
-            counted = np.maximum(np.isfinite(v).sum(axis=2), 1)
-            mean = np.where(np.isfinite(v).any(axis=2), np.nansum(v, axis=2) / counted, np.nan)
-            ax.plot(s, mean.mean(axis=0), style, label=side.upper(), lw=1.0, ms=3)
-            if side == "md" and len(mean) > 1:
-                error = mean.std(axis=0, ddof=1) / len(mean) ** 0.5
-                ax.fill_between(s, mean.mean(0) - error, mean.mean(0) + error, color="0.8", lw=0)
-        ax.set(xlabel=text, ylabel=with_unit(label, data[f"md_{name}"].attrs.get("units")))
-        ax.spines[["top", "right"]].set_visible(False)
+        _both(ax, s, text, data, name, label, lambda v: _section_means(v, matter, index, along).mean(axis=0))  # noqa: B023
+        md = _section_means(data[f"md_{name}"].values, matter, index, along)
+        if len(md) > 1:
+            error = md.std(axis=0, ddof=1) / len(md) ** 0.5
+            ax.fill_between(s, md.mean(0) - error, md.mean(0) + error, color="0.8", lw=0)
         ax.legend()
     return fig
+
+
+def _section_means(values, matter, index, along):
+    """(frame, place) means over the cross-section's matter."""
+    v = np.moveaxis(np.where(matter, values[(..., *index)], np.nan), along + 1, 1)
+    v = v.reshape(*v.shape[:2], -1)
+    counted = np.maximum(np.isfinite(v).sum(axis=2), 1)
+    return np.where(np.isfinite(v).any(axis=2), np.nansum(v, axis=2) / counted, np.nan)
 
 
 def _axis(place, c, itself) -> int:
@@ -172,7 +172,6 @@ _HISTORIES = (
 def histories(data):
     """Figure of what has one value a frame: the mean stress, damage and the crack, of both sides over time; None where
     there is one frame."""
-
     if data.sizes["frame"] < 2:
         return None
     t, text = np.arange(data.sizes["frame"]), "frame"
@@ -181,10 +180,7 @@ def histories(data):
     shown = [h for h in _HISTORIES if f"md_{h[0]}" in data and f"pd_{h[0]}" in data]
     fig, axs = figure(len(shown), 3.9, 2.8)
     for ax, (name, index, label) in zip(axs, shown):
-        for side, style in (("md", "k.-"), ("pd", "C3-")):
-            ax.plot(t, data[f"{side}_{name}"].values[(..., *index)], style, label=side.upper(), lw=1.0, ms=3)
-        ax.set(xlabel=text, ylabel=with_unit(label, data[f"md_{name}"].attrs.get("units")))
-        ax.spines[["top", "right"]].set_visible(False)
+        _both(ax, t, text, data, name, label, lambda v: v[(..., *index)])  # noqa: B023
         ax.legend()
     return fig
 

@@ -80,7 +80,6 @@ class CauchyBornTwin(TwinMaterial):
 def cauchy_born(crystal, model, axes, step_cc, horizon, temperature=None) -> CauchyBornTwin:
     """The material of a relaxed crystal whose x, y, z are the rows of `axes` in the body; with a temperature (the
     user's unit) its vibrations are in it."""
-
     exact = CauchyBorn(crystal, model)
     require_stable(crystal, np.linalg.eigvalsh(exact.moduli_vv).min() > 0)
     # The nodes' sums are those of any law: they are tried with the one that is at rest.
