@@ -38,7 +38,6 @@ class AgainstLammps(Comparison):
 
     def picture(self, path) -> Path:
         """Profiles of both; returns the path."""
-
         pairs = [(n, n.removesuffix("_lammps")) for n in self.data.data_vars if n.endswith("_lammps")]
         curves = [(name, {"atc": self.data[name], "LAMMPS": self.data[theirs]}) for theirs, name in pairs]
         return save(profiles_figure(curves, self.title), path)
@@ -160,7 +159,6 @@ def _known(ds) -> str:
 
 def _field(ds, key):
     """(name, component) of a field of the output: ``density``, ``stress_xx``; None if it has no such."""
-
     fields = fields_of(ds)
     if key in fields and rank(ds[key]) == 0:
         return key, None
@@ -261,7 +259,6 @@ def _elsewhere(name, shape, file, other) -> str:
 
 def _entries(ds, theirs, frame, expressions):
     """Which entries of both are averaged, and what to say of it."""
-
     n = ds.sizes.get("frame", 1)
     ours = list(range(n)) if frame is None else [require_frame(ds, frame) % n]
     # A fix that has not averaged yet gives nothing but zeros.
@@ -288,7 +285,6 @@ def _range(steps) -> str:
 
 def _mean_of_ours(ds, field, comp, which, dims, axes, name):
     """The mean over entries, and over the axes that LAMMPS did not resolve."""
-
     tail = ["i", "j"][: rank(ds[field])]
     others = tuple(k for k in range(len(dims)) if k not in axes)
     weight = _WEIGHTS.get(field) if others else None

@@ -81,7 +81,6 @@ class Comparison:
 
     def csv(self) -> str:
         """The table as CSV, numbers unrounded."""
-
         out = io.StringIO()
         columns = list(dict.fromkeys(k for row in self.rows for k in row))
         writer = csv.DictWriter(out, columns, lineterminator="\n")
@@ -98,28 +97,32 @@ class Comparison:
                 return row[column]
         raise KeyError((section, name))
 
+    def tables(self):
+        """(section, titles of columns, rows) of each section as text, the names first."""
+        for section in dict.fromkeys(r["section"] for r in self.rows):
+            rows = [r for r in self.rows if r["section"] == section]
+            columns = list(dict.fromkeys(k for r in rows for k in r if k not in ("section", "name")))
+            head = ["", *(_heading(c, self.units) for c in columns)]
+            yield section, head, [[r["name"], *(_cell(c, r.get(c)) for c in columns)] for r in rows]
+
     def print(self, console) -> None:
         """The table, one block a section."""
         from rich import box
         from rich.table import Table
 
         tell(console, [self.title])
-        for section in dict.fromkeys(r["section"] for r in self.rows):
-            rows = [r for r in self.rows if r["section"] == section]
-            columns = list(dict.fromkeys(k for r in rows for k in r if k not in ("section", "name")))
+        for section, head, rows in self.tables():
             console.print(f"\n{section}", style="bold", soft_wrap=True)
             table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-            table.add_column("")
-            for c in columns:
-                table.add_column(_heading(c, self.units), justify="right")
-            for r in rows:
-                table.add_row(r["name"], *(_cell(c, r.get(c)) for c in columns))
+            for k, title in enumerate(head):
+                table.add_column(title, justify="right" if k else "left")
+            for row in rows:
+                table.add_row(*row)
             console.print(table)
         tell(console, (), self.notes)
 
     def picture(self, path) -> Path:
         """Draw the comparison; returns the path."""
-
         return save(compare_figure(self), path)
 
 
@@ -238,7 +241,6 @@ _NEEDED = [kind + stress for kind in ("", "virial_", "smoothed_virial_") for str
 
 def _entries(ds, frame):
     """Which entries are averaged, and what to call that."""
-
     n = ds.sizes.get("frame", 1)
     averaged = "frames_averaged" in ds
     if frame is not None:
@@ -334,7 +336,6 @@ def _column_stress(out, ds, entries, place):
     A density of stress times volume is a stress: no volume of an atom is needed. LAMMPS's stress/atom is tension
     positive, components xx, yy, zz, xy, xz, yz.
     """
-
     bases = {m.group(1) for n in ds.data_vars if (m := re.fullmatch(r"column:(.+)\[1\]", str(n)))}
     for base in sorted(bases):
         names = [f"column:{base}[{k}]" for k in range(1, 7)]
@@ -383,11 +384,7 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale, column=None):
     if single is not None and f"{hardy_name}_stderr" in ds:
         error = ds[f"{hardy_name}_stderr"]
         error = (error.isel(frame=single) if "frame" in error.dims else error).transpose(*dims).values
-    for c in _shown(out.dimension):
-        d = component(h, c, out.dimension) - component(v, c, out.dimension)
-        good = np.isfinite(d)
-        if not good.any():
-            continue
+    for c, d, good in _differences(out, h, v):
         row = {"section": POINTWISE, "name": c, **sizes(d[good], scale)}
         if error is not None and c in SIX:
             e = component(error, c)
@@ -398,6 +395,14 @@ def _pointwise(out, ds, mean, hardy_name, place, single, scale, column=None):
     _profiles(out, h, v, place, scale, None if column is None else column[1])
 
 
+def _differences(out, a, b):
+    """(component, its difference, where that is known) of two fields of stress, as far as something is."""
+    for c in _shown(out.dimension):
+        d = component(a, c, out.dimension) - component(b, c, out.dimension)
+        if (good := np.isfinite(d)).any():
+            yield c, d, good
+
+
 def sizes(d, scale, rms=None) -> dict:
     """Columns of a table: rms and largest value of differences d, and both relative to `scale`."""
     rms, largest = float(np.sqrt((d**2).mean())) if rms is None else rms, float(np.abs(d).max())
@@ -406,14 +411,10 @@ def sizes(d, scale, rms=None) -> dict:
 
 def _of_column(out, column, hardy, virial, scale) -> None:
     """How the run's own smoothed stress differs from both; the sign trap is told."""
-
     name, tensor = column
     for title, other in ((f"pointwise, {name} - smoothed virial", virial), (f"pointwise, {name} - Hardy", hardy)):
-        for c in _shown(out.dimension):
-            d = component(tensor, c, out.dimension) - component(other, c, out.dimension)
-            good = np.isfinite(d)
-            if good.any():
-                out.rows.append({"section": title, "name": c, **sizes(d[good], scale)})
+        for c, d, good in _differences(out, tensor, other):
+            out.rows.append({"section": title, "name": c, **sizes(d[good], scale)})
     good = np.isfinite(virial)
     a, b = tensor[good], virial[good]
     if a.size and float(a @ b) < -0.5 * float(np.linalg.norm(a) * np.linalg.norm(b)):
@@ -425,7 +426,6 @@ def _of_column(out, column, hardy, virial, scale) -> None:
 
 def _profiles(out, hardy, virial, place, scale, column=None):
     """Means over the other axes, empty space counted as empty, so that a profile times the area is a force."""
-
     if place.kind not in ("volume", "plane", "line", "slab", "planes"):
         return
     for k, dim in enumerate(place.dims):
@@ -475,7 +475,6 @@ def compare_radii(scene, radii, *, jobs: int = 1, progress=None) -> Comparison:
     -------
     Comparison with one row a radius; `data` holds the numbers along a ``radius`` dimension
     """
-
     scene = scene if isinstance(scene, Scene) else Scene.load(scene)
     size = "width" if scene.get("kernel", "width") is not None and scene.get("kernel", "radius") is None else "radius"
     asked = scene.get("fields", "quantities") or []

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..estimators.tensors import quotient
 from .green_kubo import connected
-from .profile_table import Column
+from .profile_table import Column, series_quotient
 
 #: A molecule whose charge is less than this share of its absolute charges is neutral.
 NEUTRAL = 1e-6
@@ -63,16 +62,8 @@ def dipoles_of(frame, axis: int):
 
 def add_dipoles(out, sums_tzk, u) -> None:
     """Columns from Σ φ₁/A of every frame: 1, µ_n, cos θ, (3 cos² θ − 1)/2."""
-    from ..estimators.statistics import BlockAverage
-
     size, label = u.factor("charge") / u.factor("length") ** 2, f"{u.label('charge')}/{u.label('length')}^2"
     out.add("polarisation", sums_tzk[:, :, 1] / size, label, "P", "polarisation", "dipoles")
-    n_tz = sums_tzk[:, :, 0]
-    never = ~(n_tz > 0).any(axis=0)
     for name, k, shown in (("dipole_cosine", 2, "<cos θ>"), ("dipole_order", 3, "<(3 cos² θ − 1)/2>")):
-        average = BlockAverage()
-        for n_z, f_z in zip(n_tz, sums_tzk[:, :, k]):
-            average.add(quotient(f_z, n_z), n_z)
-        mean, stderr, correlated = average.result()
-        mean[never] = stderr[never] = np.nan
+        mean, stderr, correlated = series_quotient(sums_tzk[:, :, k], sums_tzk[:, :, 0])
         out.columns[name] = Column(mean, stderr, "1", shown, "order of dipoles", correlated, "dipoles")

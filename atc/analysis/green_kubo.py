@@ -307,7 +307,6 @@ class Conductivity:
 
     def picture(self, path) -> Path:
         """Draw the correlation function and its integral; returns the path."""
-
         return save(self.figure(), path)
 
     def figure(self):

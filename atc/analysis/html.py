@@ -71,6 +71,12 @@ def warned_of(said) -> list[str]:
     return ["<h2>Warnings and notes</h2>", f'<ul class="warn">{items}</ul>']
 
 
+def scene_of(ds) -> list[str]:
+    """The part with the scene that a dataset was made from, if it says so."""
+    scene = str(ds.attrs.get("scene", "")).strip()
+    return ["<h2>The scene</h2>", f"<pre>{escape(scene)}</pre>"] if scene else []
+
+
 def figure_of(fig, words: str) -> str:
     """A figure with its caption, as an image within the page."""
     import matplotlib as mpl

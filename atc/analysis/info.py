@@ -173,7 +173,6 @@ def _state(frame, data) -> str:
 
 def is_output(source) -> bool:
     """Whether a file is an output of atc, by its name and what it says of itself."""
-
     path = Path(str(source))
     if path.suffix not in (".nc", ".zarr") or not os.path.exists(path):
         return False
@@ -189,7 +188,6 @@ def is_output(source) -> bool:
 
 def describe_output(path) -> Report:
     """What an output of atc holds: its fields, their units and errors, and how it was made."""
-
     why = damage(path)
     if why:
         raise Damaged(why)

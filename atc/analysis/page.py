@@ -22,8 +22,8 @@ from ..pictures.symbols import symbol
 from ..running.output import load, of_species
 from ..running.whole import replacing
 from ..unit_words import in_units
-from .compare import ACCURACY, _cell, _heading, compare
-from .html import document, facts, figure_of, table, warned_of
+from .compare import ACCURACY, compare
+from .html import document, facts, figure_of, scene_of, table, warned_of
 
 #: What is drawn, as far as it is there: field, component, what is drawn over it.
 PICTURES = (
@@ -117,11 +117,7 @@ def page(ds, title: str, species=None, warned=()) -> str:
     for label, part in parts:
         body += [f"<h2>Fields{f' of {escape(label)}' if label else ''}</h2>", *_pictures(part), *_profile(part)]
         body += _compared(part)
-    body += ["<h2>Errors</h2>", _errors(ds)]
-    scene = str(ds.attrs.get("scene", "")).strip()
-    if scene:
-        body += ["<h2>The scene</h2>", f"<pre>{escape(scene)}</pre>"]
-    return document(title, body)
+    return document(title, [*body, "<h2>Errors</h2>", _errors(ds), *scene_of(ds)])
 
 
 def _parts(ds, species):
@@ -240,7 +236,6 @@ def _pictures(ds) -> list[str]:
 
 def _profile(ds) -> list[str]:
     """Means over the cross-sections along the longest axis of a grid, of the first stress and the density."""
-
     names = fields_of(ds)
     name = next((n for n in ("stress", "stress_potential", *names) if n in names), None)
     if name is None:
@@ -273,7 +268,6 @@ def _profile(ds) -> list[str]:
 
 def _compared(ds) -> list[str]:
     """Hardy's stress against the virial stress, where the output has both."""
-
     try:
         found = compare(ds)
     except AtcError:
@@ -282,12 +276,7 @@ def _compared(ds) -> list[str]:
     with contextlib.suppress(AtcError):
         words = "Hardy's stress, the virial stress, and their difference in one scale"
         out.append(figure_of(compare_figure(found), words))
-    for section in dict.fromkeys(r["section"] for r in found.rows):
-        if section == ACCURACY:
-            continue
-        rows = [r for r in found.rows if r["section"] == section]
-        columns = list(dict.fromkeys(k for r in rows for k in r if k not in ("section", "name")))
-        cells = [[r["name"], *(_cell(c, r.get(c)) for c in columns)] for r in rows]
-        head = ["", *(_heading(c, found.units) for c in columns)]
-        out.append(table(cells, head, section, numbers=range(1, len(head))))
+    for section, head, rows in found.tables():
+        if section != ACCURACY:
+            out.append(table(rows, head, section, numbers=range(1, len(head))))
     return out + [f"<p>{escape(n)}.</p>" for n in found.notes]

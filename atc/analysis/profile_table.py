@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..estimators.tensors import quotient
 from ..pictures.drawing import STYLE, figure, save, titled
 from ..pictures.geometry import unit_text, with_unit
 from ..running.whole import write_dataset
@@ -58,6 +59,19 @@ def series_mean(x_t):
     for x in x_t:
         average.add(x)
     return average.result()
+
+
+def series_quotient(f_tz, n_tz):
+    """The same of Σ f/Σ n, frames weighted by n; NaN where n is always 0."""
+    from ..estimators.statistics import BlockAverage
+
+    average = BlockAverage()
+    for f_z, n_z in zip(f_tz, n_tz):
+        average.add(quotient(f_z, n_z), n_z)
+    mean, stderr, correlated = average.result()
+    never = ~(n_tz > 0).any(axis=0)
+    mean[never] = stderr[never] = np.nan
+    return mean, stderr, correlated
 
 
 @dataclass
@@ -178,12 +192,10 @@ class Profile:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-
         write_dataset(self.dataset(), path)
 
     def picture(self, path) -> Path:
         """Draw the profiles; returns the path."""
-
         return save(self.figure(), path)
 
     def figure(self):

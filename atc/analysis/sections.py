@@ -23,7 +23,6 @@ THINNEST = 0.02
 
 def _sections(ds, axis, quantity, what):
     """(stress, axis, dims of the grid, place) of an output that has cross-sections."""
-
     name = quantity or next((n for n in ("stress", "stress_potential") if n in ds), None)
     if name is None or name not in ds or not {"i", "j"} <= {*ds[name].dims}:
         raise AtcError(f"{what}: {name or 'stress'}: is no stress of this output")
@@ -54,7 +53,6 @@ def section_force(ds, axis=None, quantity=None):
     ------
     AtcError for other grids, fields that are no stress, cells whose edges are tilted against the normal.
     """
-
     name, axis, dims, place = _sections(ds, axis, quantity, "section force")
     da, k = ds[name], "xyz".index(axis)
     if place.kind in WHOLE:
@@ -75,28 +73,26 @@ def section_force(ds, axis=None, quantity=None):
         force = da.isel(i=k, drop=True).rename(j="i").fillna(0.0).sum(others) * area
     u = units(str(ds.attrs["units"]))
     label, factor = u.label("force"), 1.0
-    if u.reduced:
-        factor = 1.0
-    else:
+    if not u.reduced:
         length = next(str(ds[c].attrs["units"]) for c in (axis, "cell") if "units" in ds[c].attrs)
+        wrong = AtcError(f"section force: {name} is in {da.attrs.get('units')}, which is no unit of a stress")
         try:
             have, want = unit_of(f"({da.attrs['units']})*{length}^2"), unit_of(label)
         except NotAUnit:
-            raise AtcError(
-                f"section force: {name} is in {da.attrs.get('units')}, which is no unit of a stress"
-            ) from None
+            raise wrong from None
         if have.powers != want.powers:
-            raise AtcError(f"section force: {name} is in {da.attrs['units']}, which is no unit of a stress")
+            raise wrong
         factor = have.size / want.size
-    out = (force * factor).transpose(..., axis, "i")
-    out = out.assign_coords(i=["x", "y", "z"])
-    out.name = "section_force"
-    out.attrs = {
-        "units": label,
-        "long_name": f"force through the cross-section normal to {axis}",
-        "sign_convention": f"component {axis} positive in tension",
-        "comment": f"integral of {name} over the section",
-    }
+    what = f"force through the cross-section normal to {axis}"
+    return _called("section_force", force * factor, axis, label, what, f"integral of {name} over the section")
+
+
+def _called(name, values, axis, units, what, comment):
+    """(…, axis, i) with its name, unit and sign."""
+    out = values.transpose(..., axis, "i").assign_coords(i=["x", "y", "z"])
+    out.name = name
+    sign = f"component {axis} positive in tension"
+    out.attrs = {"units": units, "long_name": what, "sign_convention": sign, "comment": comment}
     return out
 
 
@@ -141,13 +137,7 @@ def section_stress(ds, axis=None, quantity=None, bulk=None):
         raise AtcError(f"section stress: the bulk's density must be a positive number, got {bulk!r}")
     share = rho.mean(others) / bulk
     through = ds[name].isel(i="xyz".index(axis), drop=True).rename(j="i").fillna(0.0).mean(others)
-    out = (through / share.where(share > THINNEST * share.max())).transpose(..., axis, "i")
-    out = out.assign_coords(i=["x", "y", "z"])
-    out.name = "section_stress"
-    out.attrs = {
-        "units": ds[name].attrs.get("units", ""),
-        "long_name": f"force over the area of matter in the cross-section normal to {axis}",
-        "sign_convention": f"component {axis} positive in tension",
-        "comment": f"integral of {name} over that of {mass} in units of {bulk:.6g} {ds[mass].attrs.get('units', '')}",
-    }
-    return out
+    stress = through / share.where(share > THINNEST * share.max())
+    what = f"force over the area of matter in the cross-section normal to {axis}"
+    comment = f"integral of {name} over that of {mass} in units of {bulk:.6g} {ds[mass].attrs.get('units', '')}"
+    return _called("section_stress", stress, axis, ds[name].attrs.get("units", ""), what, comment)

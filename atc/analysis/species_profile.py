@@ -12,10 +12,9 @@ import numpy as np
 
 from ..deposit import make
 from ..errors import AtcError
-from ..estimators.tensors import quotient
 from ..readers.trajectory import Over
 from .dipoles import add_dipoles, dipoles_of, labels_of
-from .profile_table import Column, Profile
+from .profile_table import Column, Profile, series_quotient
 
 BOUNDARIES = ("auto", "periodic", "vacuum")
 #: Charge of the cell, over the sum of the absolute charges, that digits of a file leave.
@@ -238,16 +237,9 @@ def _add_charges(out, sums, charge_tz, boundary) -> None:
 
 def _add_velocities(out, names, u, number_tzs, flow_tzsc) -> None:
     """Mean velocities <n v>/<n>; NaN where a species never is."""
-    from ..estimators.statistics import BlockAverage
 
     for s, name in enumerate(names):
-        average = BlockAverage()
-        n_tz, flow_tzc = number_tzs[:, :, s], flow_tzsc[:, :, s]
-        for n_z, flow_zc in zip(n_tz, flow_tzc):
-            average.add(quotient(flow_zc, n_z), n_z)
-        mean, stderr, correlated = average.result()
-        never = ~(n_tz > 0).any(axis=0)
-        mean[never] = stderr[never] = np.nan
+        mean, stderr, correlated = series_quotient(flow_tzsc[:, :, s], number_tzs[:, :, s])
         for c, direction in enumerate("xyz"[: u.dimension]):
             out.columns[f"velocity_{direction}_{name}"] = Column(
                 u.to_user("velocity", mean[:, c]), u.to_user("velocity", stderr[:, c]), u.label("velocity"),

@@ -11,7 +11,7 @@ from ..errors import AtcError
 from ..pictures.drawing import STYLE
 from ..pictures.twins import at_nodes, drawn, histories, over_line, profiles, shown_frames
 from .accessor import VOIGT
-from .html import document, facts, figure_of, table, warned_of
+from .html import document, facts, figure_of, scene_of, table, warned_of
 
 _WHERE = {
     "matter": "both have at least half of the crystal's density",
@@ -42,10 +42,8 @@ def twin_page(ds, title: str, warned=()) -> str:
         *_pictures(ds),
         "<h2>How far apart</h2>",
         *_norms(ds),
+        *scene_of(ds),
     ]
-    scene = str(ds.attrs.get("scene", "")).strip()
-    if scene:
-        body += ["<h2>The scene</h2>", f"<pre>{escape(scene)}</pre>"]
     return document(title, body)
 
 

@@ -22,7 +22,6 @@ _SAME_VOLUME = 0.5
 
 def simulation(case, threads: int = 0, state=None):
     """The `atc.pd.Simulation` that a case describes."""
-
     body = make_body(case)
     _require_bonds(case, body)
     materials, names = {}, {}
@@ -113,7 +112,6 @@ def simulation(case, threads: int = 0, state=None):
 
 def conduction(case, materials, names) -> dict:
     """{material: `pd.Conduction`} of the materials that are there; empty where none conducts."""
-
     tables = {number: case.data["material"][names[number]] for number in materials}
     keys = ("conductivity", "specific_heat")
     if not any(key in t for t in tables.values() for key in keys):
@@ -148,7 +146,6 @@ def heat_conditions(case, body) -> list:
 
 def make_body(case):
     """The body of a case, with its notches and the material of each node."""
-
     b = case.data["body"]
     notches = []
     for k, t in enumerate(case.data.get("notch", [])):
@@ -229,7 +226,6 @@ def said_amounts(found) -> str:
 
 def region_of(case, region):
     """A `pd.Region` from its name or description; None for the whole body."""
-
     if region is None:
         return None
     if isinstance(region, str):

@@ -115,7 +115,6 @@ def made(case, k, body):
 
 def _outside(units):
     """The units of the case."""
-
     return units if units.reduced else get("si")
 
 
@@ -136,7 +135,6 @@ def _crystal(case, k):
 
 def _axes(case, k):
     """(3, 3) rows: where the crystal's x, y, z point in the body."""
-
     path = ("material", str(k), "orient")
     return axes_of(
         case.data["material"][k].get("orient"),
@@ -221,7 +219,6 @@ class _Micromodulus:
 
 def _springs(case, k, body):
     """Springs by formulas; their sums over nodes must be near the integrals."""
-
     law = _Micromodulus(
         case.data["material"][k]["micromodulus"],
         body.horizon,

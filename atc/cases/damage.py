@@ -98,7 +98,6 @@ def rules(case, materials, body, factors):
 
     A material's own strength goes before that of [damage]; an interface's before that of its weaker side.
     """
-
     general = case.data.get("damage", {})
     out = {}
     tables = [(_number(case, k), t) for k, t in enumerate(case.data["material"])]

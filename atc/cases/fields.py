@@ -20,7 +20,6 @@ SECTIONS = ("kernel", "grid", "fields")
 
 def scene_of(case):
     """The three sections as a checked `atc.config.scene.Scene`; None if the case has none of them."""
-
     there = {s: dict(case.data[s]) for s in SECTIONS if s in case.data}
     if not there:
         return None

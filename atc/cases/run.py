@@ -77,7 +77,6 @@ def run(case, out, *, threads: int = 0, progress=None, resume: bool = True):
     xarray.Dataset with dims frame, node, i, j: displacement, velocity, damage, energy, force at the nodes, and the
     energy ledger. What [fields] asks for is in a second output beside it, ``OUT-fields``.
     """
-
     case.check_places()
     request = _request(case)
     store = Store(out, request, resume)
@@ -134,7 +133,6 @@ def _close(case, out, store, fields):
 
 def _request(case) -> dict:
     """What an unfinished output must have been made from to be continued."""
-
     request = {"results": RESULTS, "case": case.to_toml()}
     # Files that are read count by what is in them.
     for section, key in (
@@ -158,7 +156,6 @@ def save_arrays(path, arrays: dict) -> None:
 
 def load_state(path):
     """A `pd.State` from a restart file."""
-
     return State.from_arrays(_arrays(path, "{}: is not a restart file of atc pd ({})"))
 
 
@@ -224,7 +221,6 @@ class _Run:
 
     def _advance(self, sim, n):
         """n steps in time, or n states of equilibrium."""
-
         run = self.case.data["run"]
         solver = run.get("solver", "verlet")
         if solver == "verlet":
@@ -289,7 +285,6 @@ class _Run:
 
     def units(self) -> dict:
         """{quantity: unit} of what is known at the nodes."""
-
         label = units("si").label
         return {**{q: label(QUANTITIES[q][1]) for q in self.names}, "volume": label("volume"), "material": "1"}
 

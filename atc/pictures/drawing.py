@@ -136,7 +136,6 @@ def colours(name, comp, values, limits, robust, floor=0.0):
 
 def wrapped(fig, text: str, size: float) -> str:
     """A text broken into lines that fit into a figure."""
-
     return textwrap.fill(text, max(20, int(fig.get_size_inches()[0] * 72 / (0.56 * size))))
 
 

@@ -215,10 +215,14 @@ def over_angles(ds):
     are means over cylinders and spheres."""
     axes = str(ds.attrs["axes"]).split()
     others = [d for d in axes if d != "r"]
-    out = ds.drop_vars([f"position_{c}" for c in "xyz"], errors="ignore")
-    # Standard errors of means over angles are not the means of the errors.
-    out = out.drop_vars([n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)])
+    out = _without_places(ds)
     return out.mean([d for d in others if d in out.dims], skipna=True, keep_attrs=True)
+
+
+def _without_places(ds):
+    """What means over points can be taken of: standard errors of means are not the means of the errors."""
+    out = ds.drop_vars([f"position_{c}" for c in "xyz"], errors="ignore")
+    return out.drop_vars([n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)])
 
 
 def over_axes(ds, axes: str):
@@ -231,9 +235,7 @@ def over_axes(ds, axes: str):
     there = list(dict.fromkeys(d for n in fields_of(ds) for d in grid_dims(ds[n]) if d not in ("point", "atom")))
     if "axes" in ds.attrs or not wanted or [a for a in wanted if a not in there] or len(there) <= len(set(wanted)):
         raise AtcError(f"mean over {axes}: expected some, not all, of the grid's axes: {', '.join(there) or 'none'}")
-    out = ds.drop_vars([f"position_{c}" for c in "xyz"], errors="ignore")
-    # Standard errors of means over points are not the means of the errors.
-    out = out.drop_vars([n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)])
+    out = _without_places(ds)
     out = out.drop_vars([n for n in out.data_vars if "atom" in out[n].dims])
     for name in out.data_vars:
         if not (name in QUANTITIES and QUANTITIES[name].weight is not None):

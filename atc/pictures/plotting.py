@@ -224,9 +224,8 @@ def _maps(panels, values, place, title, limits, robust, atoms, over=None, scaled
     fig, axs = figure(len(panels), width, height, columns)
     largest: dict[str, float] = {}
     for (name, _, _), v in zip(panels, scaled):
-        usual = (
-            np.nanpercentile(np.abs(v), 98) if robust is not False and singular(v) else np.nanmax(np.abs(v), initial=0)
-        )
+        few = robust is not False and singular(v)
+        usual = np.nanpercentile(np.abs(v), 98) if few else np.nanmax(np.abs(v), initial=0)
         largest[name] = max(largest.get(name, 0.0), float(usual))
     for ax, (name, da, comp), v, s in zip(axs, panels, values, scaled):
         painted = colours(name, comp, s, limits, robust, 1e-3 * largest[name])
@@ -235,10 +234,9 @@ def _maps(panels, values, place, title, limits, robust, atoms, over=None, scaled
             over.draw(ax, drawn_as)
         if atoms is not None and len(atoms):
             near = np.abs((atoms - origin) @ basis[2]) <= place.thickness
+            how = {"facecolors": "w", "edgecolors": "k", "linewidths": 0.4, "alpha": 0.8}
             size = float(np.clip(3e3 / max(near.sum(), 1), 1.5, 16))
-            ax.scatter(
-                *(atoms[near] @ basis[:2].T).T, s=size, facecolors="w", edgecolors="k", linewidths=0.4, alpha=0.8
-            )
+            ax.scatter(*(atoms[near] @ basis[:2].T).T, s=size, **how)
     legend(fig, any(not np.isfinite(v).all() for v in values), over)
     titled(fig, title)
     return fig
@@ -302,13 +300,17 @@ def _stderr(ds, name, frame):
     return error.isel(frame=int(frame))
 
 
+def _loaded(path, options):
+    """The output, of the species and in the units that options ask for: they are taken out of these."""
+    return in_units(of_species(load(path), options.pop("species", None)), options.pop("units", None))
+
+
 def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **options) -> Path:
     """`plot` of an output file into a picture next to it (or `output`); returns the picture's path.
 
     `overlay`: a trajectory whose atoms are drawn on the map, at the frame shown.
     """
-    path = Path(path)
-    ds = in_units(of_species(load(path), options.pop("species", None)), options.pop("units", None))
+    path, ds = Path(path), _loaded(path, options)
     atoms = None if overlay is None else _atoms(overlay, ds, frame)
     fig = plot(ds, quantity, frame=frame, atoms=atoms, **options)
     if output is None:
@@ -321,8 +323,7 @@ def plot_file(path, quantity=None, *, output=None, overlay=None, frame=-1, **opt
 
 def movie_file(path, movie, quantity=None, *, rate=RATE, overlay=None, **options) -> Path:
     """`plot` of every frame of an output file as a movie (.gif, .mp4) with one scale, `rate` frames a second."""
-    movie = movie_path(movie)
-    ds = in_units(of_species(load(path), options.pop("species", None)), options.pop("units", None))
+    movie, ds = movie_path(movie), _loaded(path, options)
     n = ds.sizes.get("frame", 1)
     if n < 2:
         raise AtcError(f"{path}: it has one frame, which makes no movie: compute more (average = false, or a window)")

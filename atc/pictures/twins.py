@@ -57,17 +57,11 @@ def over_line(data, title, components=None, frames=None, limits=None):
     fig, axs = figure(len(frames) * len(components), 4.2, 2.9, columns=len(frames))
     rows = np.reshape(axs, (-1, len(frames)))
     for row, (name, index, label), top in zip(rows, components, limits):
-        units = unit_text(data[f"md_{name}"].attrs.get("units", ""))
         for ax, k in zip(row, frames):
             inside = _matter(data)[k]
-            for side, style in (("md", "k.-"), ("pd", "C3-")):
-                v = np.where(inside, data[f"{side}_{name}"].values[(k, ..., *index)], np.nan)
-                ax.plot(s, v, style, label=side.upper(), lw=1.0, ms=3)
-            ax.set_xlabel(text)
-            ax.set_ylabel(label + (f" ({units})" if units else ""))
+            _both(ax, s, text, data, name, label, lambda v: np.where(inside, v[(k, ..., *index)], np.nan))  # noqa: B023
             ax.set_ylim(-1.06 * top, 1.06 * top)
             ax.set_title(_moment(data, k))
-            ax.spines[["top", "right"]].set_visible(False)
         row[0].legend()
     titled(fig, title)
     return fig
@@ -77,9 +71,6 @@ def at_nodes(data):
     """Figure of a plane wave at the nodes: the displacement that varies most, of the run (smoothed once), the twin and
     the classical wave equation, at the first, the middle and the last frame; None where the dataset has no classical
     waves, or the displacement does not vary along one axis."""
-    from .drawing import figure
-    from .geometry import unit_text
-
     if "classical_node_displacement" not in data:
         return None
     sides = {s: data[f"{s}_node_displacement"].values for s in ("md", "pd", "classical")}
@@ -109,12 +100,18 @@ def at_nodes(data):
 
 def _moment(data, k) -> str:
     """Which frame, and when."""
-    from .geometry import unit_text
-
     text = f"frame {k + 1} of {data.sizes['frame']}" if data.sizes["frame"] > 1 else ""
     if "time" in data.coords and np.isfinite(t := float(data["time"].values[k])):
         text += f"{', ' if text else ''}t = {t:.4g} {unit_text(str(data['time'].attrs.get('units', '')))}".rstrip()
     return text
+
+
+def _both(ax, s, text, data, name, label, of_values) -> None:
+    """Curves of both sides over s, `of_values` of what the dataset has of a field."""
+    for side, style in (("md", "k.-"), ("pd", "C3-")):
+        ax.plot(s, of_values(data[f"{side}_{name}"].values), style, label=side.upper(), lw=1.0, ms=3)
+    ax.set(xlabel=text, ylabel=with_unit(label, data[f"md_{name}"].attrs.get("units")))
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def _varying(data, name):
@@ -197,7 +194,6 @@ def drawn(data, title, components=None, limits=None, frames=()):
 def profiles(data, components=None):
     """Figure of both sides along an axis of the grid: means over the frames and, in matter, over the cross-section; the
     MD's with its standard error. Of a displacement the axis is its own, of other fields the longest of the others."""
-
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
     if place.kind not in ("volume", "plane", "line"):
@@ -207,19 +203,21 @@ def profiles(data, components=None):
     for ax, (name, index, label) in zip(axs, components):
         along = _axis(place, components[0][1][0], name == "displacement")
         s, text = place.abscissa(along)
-        for side, style in (("md", "k.-"), ("pd", "C3-")):
-            v = np.where(matter, data[f"{side}_{name}"].values[(..., *index)], np.nan)
-            v = np.moveaxis(v, along + 1, 1).reshape(*v.shape[:1], len(s), -1)
-            counted = np.maximum(np.isfinite(v).sum(axis=2), 1)
-            mean = np.where(np.isfinite(v).any(axis=2), np.nansum(v, axis=2) / counted, np.nan)
-            ax.plot(s, mean.mean(axis=0), style, label=side.upper(), lw=1.0, ms=3)
-            if side == "md" and len(mean) > 1:
-                error = mean.std(axis=0, ddof=1) / len(mean) ** 0.5
-                ax.fill_between(s, mean.mean(0) - error, mean.mean(0) + error, color="0.8", lw=0)
-        ax.set(xlabel=text, ylabel=with_unit(label, data[f"md_{name}"].attrs.get("units")))
-        ax.spines[["top", "right"]].set_visible(False)
+        _both(ax, s, text, data, name, label, lambda v: _section_means(v, matter, index, along).mean(axis=0))  # noqa: B023
+        md = _section_means(data[f"md_{name}"].values, matter, index, along)
+        if len(md) > 1:
+            error = md.std(axis=0, ddof=1) / len(md) ** 0.5
+            ax.fill_between(s, md.mean(0) - error, md.mean(0) + error, color="0.8", lw=0)
         ax.legend()
     return fig
+
+
+def _section_means(values, matter, index, along):
+    """(frame, place) means over the cross-section's matter."""
+    v = np.moveaxis(np.where(matter, values[(..., *index)], np.nan), along + 1, 1)
+    v = v.reshape(*v.shape[:2], -1)
+    counted = np.maximum(np.isfinite(v).sum(axis=2), 1)
+    return np.where(np.isfinite(v).any(axis=2), np.nansum(v, axis=2) / counted, np.nan)
 
 
 def _axis(place, c, itself) -> int:
@@ -243,7 +241,6 @@ _HISTORIES = (
 def histories(data):
     """Figure of what has one value a frame: the mean stress, damage and the crack, of both sides over time; None where
     there is one frame."""
-
     if data.sizes["frame"] < 2:
         return None
     t, text = np.arange(data.sizes["frame"]), "frame"
@@ -253,10 +250,7 @@ def histories(data):
     shown = [h for h in _HISTORIES if f"md_{h[0]}" in data and f"pd_{h[0]}" in data and not (flat and h[1] == (2, 2))]
     fig, axs = figure(len(shown), 3.9, 2.8)
     for ax, (name, index, label) in zip(axs, shown):
-        for side, style in (("md", "k.-"), ("pd", "C3-")):
-            ax.plot(t, data[f"{side}_{name}"].values[(..., *index)], style, label=side.upper(), lw=1.0, ms=3)
-        ax.set(xlabel=text, ylabel=with_unit(label, data[f"md_{name}"].attrs.get("units")))
-        ax.spines[["top", "right"]].set_visible(False)
+        _both(ax, t, text, data, name, label, lambda v: v[(..., *index)])  # noqa: B023
         ax.legend()
     return fig
 

@@ -66,7 +66,6 @@ def body_of(
     the same everywhere, such that the mass agrees. Of a run in the plane: a body in plane strain, one internal unit of
     length thick.
     """
-
     cell, d = reference.cell, reference.dimension
     lengths = np.linalg.norm(cell.vectors, axis=1)
     counts = np.where(np.arange(3) < d, np.maximum(np.rint(lengths / spacing).astype(int), 1), 1)
@@ -117,7 +116,6 @@ def body_of(
 def body_of_atoms(reference, bulk: float, horizon: float) -> TwinBody:
     """Every atom of the reference is a node: what is derived from the potential can then be held to the run bond by
     bond. V_I = m/ρ of the crystal. `horizon` : of the body; parameters and result otherwise as `body_of`."""
-
     V = reference.masses / bulk
     X = np.array(reference.positions)
     body = pd.Body(X, V, bulk, horizon, cell=reference.cell, spacing=float(V.mean() ** (1 / 3)), warn=False)

@@ -100,7 +100,6 @@ def coarsened(crystal, model, axes, made) -> LinearTwin:
 
     The springs are those of nodes on the crystal's own lattice; the run's cell may strain it a little.
     """
-
     fc, C = _springs_of(crystal, model, axes)
     step, turned = made.step_cc, fc.crystal
     own = np.rint(step @ np.linalg.inv(turned.vectors)) @ turned.vectors
@@ -140,7 +139,6 @@ def _springs_of(crystal, model, axes):
 
 def measured(crystal, axes, made, traj) -> LinearTwin:
     """Springs from the fluctuations of a run of the perfect crystal in equilibrium (see `upscaling.fluctuations`)."""
-
     found = fluctuations(traj, crystal.strained(axes.T - np.eye(3)))
     if found.elastic is None:
         raise AtcError(f'{crystal.name}: material = "measured" is for crystals of one atom a cell: take "linear"')
@@ -156,7 +154,6 @@ def measured(crystal, axes, made, traj) -> LinearTwin:
 
 def on_nodes(fc, C, made, atoms: bool) -> LinearTwin:
     """The springs of force constants on the nodes of a `TwinBody`."""
-
     if atoms:
         kernel = LatticeSprings(fc)
         material = pd.Linear(kernel)

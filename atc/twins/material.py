@@ -164,7 +164,6 @@ def hill_in_plane(C_vv) -> tuple[float, float]:
 def isotropic(crystal, model, law: str, step_cc, horizon, influence=None) -> Isotropic:
     """PMB or LPS of a relaxed crystal under its potential; moduli that its nodes would miss by more than 10 % are
     refused."""
-
     C = elastic_constants(crystal, model)
     require_stable(crystal, C.stable)
     plane = {}

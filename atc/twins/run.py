@@ -104,18 +104,15 @@ class Twin:
 
     def save(self, path) -> None:
         """Write the dataset: .nc or .zarr."""
-
         write_dataset(self.dataset, path)
 
     def picture(self, path) -> Path:
         """MD, PD and difference of the displacement and the stress along the axis of the largest mean stress."""
-
         frames = self.dataset.sizes["frame"]
         return picture(self.dataset, path, f"{self.name}: means of {frames} frames")
 
     def movie(self, path) -> Path:
         """The same, and damage where bonds break, frame by frame: an animated GIF."""
-
         return movie(self.dataset, path, self.name)
 
 
@@ -144,7 +141,6 @@ def twin(scene, *, set=None, tell=None, progress=None) -> Twin:
     Body, conditions and comparison: see ``docs/twin.md``. The twin is cold: the kinetic part of the MD's stress, its
     thermal expansion and its thermal softening have no counterpart in it.
     """
-
     scene = scene if isinstance(scene, Scene) and not set else Scene.load(scene, set)
     with heard() as warned:
         found = _twin(scene, tell, progress)
@@ -418,7 +414,6 @@ def _indenter(scene, get, units):
 
 def _start(first, reference, made, material, conditions, forces, motion):
     """The simulation in the state of the run's first frame."""
-
     X = made.body.X_nc
     v = None
     if motion == "dynamic":

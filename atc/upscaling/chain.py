@@ -137,12 +137,14 @@ class Springs:
     def frequency(self, k) -> np.ndarray:
         """ω(k) ≥ 0. `AtcError` if ω² < 0 somewhere."""
         squared = self.frequency_squared(k)
-        bad = squared < -1e-12 * max(float(np.max(squared, initial=0.0)), self.modulus / self.spacing**2 / self.density)
-        if bad.any():
-            raise AtcError(
-                f"{self.name}: ω² = {squared.min():g} < 0: this chain is unstable (its weights are negative where "
-                "they must not be)"
-            )
+        size = max(float(np.max(squared, initial=0.0)), self.modulus / self.spacing**2 / self.density)
+        return self.roots(squared, size)
+
+    def roots(self, squared, size: float) -> np.ndarray:
+        """√ω², or an AtcError where it is negative, by more than rounding of `size`."""
+        if (squared < -1e-12 * size).any():
+            why = "this chain is unstable (its weights are negative where they must not be)"
+            raise AtcError(f"{self.name}: ω² = {squared.min():g} < 0: {why}")
         return np.sqrt(np.maximum(squared, 0.0))
 
     @cached_property

@@ -83,13 +83,10 @@ class Crystal:
         types : one for each atom of the basis; default: 1, or 1, 2 where the masses differ
         symbols : chemical symbols of the basis; only ASE calculators need them
         """
-
         u = get(units)
         if structure not in STRUCTURES:
             raise AtcError(f"structure {structure!r}: expected one of {', '.join(STRUCTURES)}")
-        a = float(u.to_internal("length", lattice_constant))
-        if not (np.isfinite(a) and a > 0):
-            raise AtcError(f"lattice_constant = {lattice_constant}: expected a length greater than 0")
+        a = _length(lattice_constant, u)
         basis, vectors = (np.array(v, float) for v in STRUCTURES[structure])
         masses = u.to_internal("mass", np.atleast_1d(np.array(masses, float)))
         if len(masses) not in (1, len(basis)):
@@ -113,16 +110,11 @@ class Crystal:
         ----------
         lattice_constant, mass : in the units `units`
         """
-
         u = get(units).planar
         if structure not in PLANAR_STRUCTURES:
-            raise AtcError(
-                f"structure {structure!r}: a run in the plane has one of {', '.join(PLANAR_STRUCTURES)}, none of three "
-                "dimensions"
-            )
-        a = float(u.to_internal("length", lattice_constant))
-        if not (np.isfinite(a) and a > 0):
-            raise AtcError(f"lattice_constant = {lattice_constant}: expected a length greater than 0")
+            known = ", ".join(PLANAR_STRUCTURES)
+            raise AtcError(f"structure {structure!r}: a run in the plane has one of {known}, none of three dimensions")
+        a = _length(lattice_constant, u)
         basis, vectors = (np.array(v, float) * [a, a, 1.0] for v in PLANAR_STRUCTURES[structure])
         return cls(vectors, basis, u.to_internal("mass", mass), u, name=structure)
 
@@ -252,14 +244,20 @@ class Crystal:
         return float((0.5 * (G[ahead] ** 2).sum(axis=1) / along[ahead]).min())
 
 
+def _length(lattice_constant, u) -> float:
+    a = float(u.to_internal("length", lattice_constant))
+    if not (np.isfinite(a) and a > 0):
+        raise AtcError(f"lattice_constant = {lattice_constant}: expected a length greater than 0")
+    return a
+
+
 def evaluate(model, frame: Frame) -> tuple[float, np.ndarray, np.ndarray]:
     """Energy, forces (n, 3) and virial Σ G r⊗r (3, 3; tension positive) of a frame, by a potential of atc or an ASE
     calculator; internal units."""
     if hasattr(model, "stream"):
         d = model.stream(frame, forces=True)
         return d.energy, d.forces_nc, d.virial_cc
-    atoms = _ase_atoms(frame)
-    atoms.calc = model
+    atoms = _ase_atoms(frame, model)
     try:
         stress = atoms.get_stress(voigt=False)
     except NotImplementedError:
@@ -273,12 +271,10 @@ def forces(model, frame: Frame) -> np.ndarray:
     """(n, 3) forces only; internal units."""
     if hasattr(model, "stream"):
         return model.stream(frame, forces=True).forces_nc
-    atoms = _ase_atoms(frame)
-    atoms.calc = model
-    return atoms.get_forces()
+    return _ase_atoms(frame, model).get_forces()
 
 
-def _ase_atoms(frame: Frame):
+def _ase_atoms(frame: Frame, model):
     from ase import Atoms
 
     if frame.units.reduced:
@@ -289,7 +285,8 @@ def _ase_atoms(frame: Frame):
     if missing:
         raise AtcError(f"{frame.source}: an ASE calculator needs chemical symbols: give symbols= for type {missing[0]}")
     symbols = [frame.type_names[t] for t in frame.types.tolist()]
-    return Atoms(symbols, frame.positions, cell=frame.cell.vectors, pbc=True, masses=frame.masses)
+    how = {"cell": frame.cell.vectors, "pbc": True, "masses": frame.masses, "calculator": model}
+    return Atoms(symbols, frame.positions, **how)
 
 
 def axes_of(directions, complain) -> np.ndarray:
@@ -394,9 +391,8 @@ def relax(crystal: Crystal, model, pressure: float = 0.0, *, tolerance: float = 
         crystal = crystal.strained(scale * sum(strain[v] * unit_strain(v) for v in range(6)), scale * u)
         if largest < tolerance:
             return crystal
+    last = f"last lattice constant {crystal.lattice_constant:.6g} {crystal.units.label('length')}"
     raise AtcError(
         f"{crystal.name}: no cell with zero residual stress was found near the start: give a lattice constant nearer "
-        "to equilibrium, "
-        "or check the potential (last lattice constant "
-        f"{crystal.lattice_constant:.6g} {crystal.units.label('length')})"
+        f"to equilibrium, or check the potential ({last})"
     )

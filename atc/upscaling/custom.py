@@ -119,7 +119,6 @@ def _picture(run, path):
 
 def writable(path) -> Path:
     """The path of a dataset that can be written, or an error that says why not."""
-
     path = check_name(path)
     if not path.parent.is_dir():
         raise AtcError(f"{path}: the directory {path.parent} does not exist")

@@ -77,17 +77,22 @@ class Polynomial(tuple):
     def leading(self) -> Fraction:
         return self[-1] if self else Fraction(0)
 
-    def divided_by(self, divisor) -> Polynomial:
-        """The quotient; `ArithmeticError` if there is a remainder."""
+    def __divmod__(self, divisor) -> tuple[Polynomial, Polynomial]:
+        """Quotient and remainder."""
         rest, divisor = list(self), _polynomial(divisor)
         out = [Fraction(0)] * max(len(rest) - len(divisor) + 1, 0)
         for k in range(len(out) - 1, -1, -1):
             out[k] = rest[k + len(divisor) - 1] / divisor.leading
             for i, b in enumerate(divisor):
                 rest[k + i] -= out[k] * b
-        if any(rest):
+        return Polynomial(out), Polynomial(rest)
+
+    def divided_by(self, divisor) -> Polynomial:
+        """The quotient; `ArithmeticError` if there is a remainder."""
+        out, rest = divmod(self, divisor)
+        if rest:
             raise ArithmeticError("the division leaves a remainder")
-        return Polynomial(out)
+        return out
 
     def text(self, variable: str = "N") -> str:
         terms = []
@@ -176,6 +181,15 @@ def chain_series(weights: Sequence, order: int) -> list:
     ]
 
 
+def odd_degree(degree: int) -> int:
+    """The degree of an inner expansion, or an AtcError."""
+    if whole("degree", degree) % 2 == 0:
+        raise AtcError(
+            f"degree = {degree}: expected an odd number: even derivatives drop out of y(x + r/2) − y(x − r/2)"
+        )
+    return degree
+
+
 def inner_series(degree: int, neighbors: int | str = 1, consistent: bool = False) -> list[Fraction]:
     """c_m of the inner expansion: y expanded to the derivative `degree` (odd) about the middle of each bond, in the
     *energy*.
@@ -192,11 +206,7 @@ def inner_series(degree: int, neighbors: int | str = 1, consistent: bool = False
         Only the terms of the orders in a that are right, up to a^{degree−1} (order-consistent). That is `spring_series`
         again, and no longer a square.
     """
-    degree = whole("degree", degree)
-    if degree % 2 == 0:
-        raise AtcError(
-            f"degree = {degree}: expected an odd number: even derivatives drop out of y(x + r/2) − y(x − r/2)"
-        )
+    degree = odd_degree(degree)
     half = [Fraction(2, 2**k * factorial(k)) for k in range(1, degree + 1, 2)]
     terms = (degree + 1) // 2 if consistent else degree
     out = []
@@ -264,7 +274,6 @@ class WellPosedness:
 def well_posedness(series: Sequence) -> WellPosedness:
     """Whether ρ y_tt = K₁ Σ_m c_m L^{2m−2} ∂^{2m} y, cut after the terms given, is well posed and stable. Signs are
     decided in exact arithmetic (Sturm)."""
-
     c = [Fraction(v) for v in series]
     while c and not c[-1]:
         c.pop()
@@ -277,40 +286,24 @@ def well_posedness(series: Sequence) -> WellPosedness:
     negative_at_first = next(v for v in p if v) < 0
     edges = ([0.0] if negative_at_first else []) + [float(r) for r in roots]
     well_posed = p.leading > 0
-    band = None
-    if edges:
-        band = (edges[0] ** 0.5, edges[1] ** 0.5 if len(edges) > 1 else float("inf"))
-    growth = 0.0
-    if band is not None:
-        if well_posed:
-            q = np.polynomial.Polynomial([0.0, *map(float, p)])  # ω² over s
-            stationary = [
-                float(r.real) for r in q.deriv().roots() if abs(r.imag) < 1e-9 * max(1.0, abs(r)) and r.real > 0
-            ]
-            growth = float(np.sqrt(max(0.0, -min((q(s) for s in stationary), default=0.0))))
-        else:
-            growth = float("inf")
-    return WellPosedness(len(c), well_posed, band is None, band, growth)
+    if not edges:
+        return WellPosedness(len(c), well_posed, True, None, 0.0)
+    band = (edges[0] ** 0.5, edges[1] ** 0.5 if len(edges) > 1 else float("inf"))
+    growth = float("inf")
+    if well_posed:
+        q = np.polynomial.Polynomial([0.0, *map(float, p)])  # ω² over s
+        real = [r.real for r in q.deriv().roots() if abs(r.imag) < 1e-9 * max(1.0, abs(r)) and r.real > 0]
+        growth = float(np.sqrt(max(0.0, -min((q(float(s)) for s in real), default=0.0))))
+    return WellPosedness(len(c), well_posed, False, band, growth)
 
 
 def _derivative(p):
     return Polynomial(i * v for i, v in enumerate(p) if i)
 
 
-def _remainder(a, b):
-    rest = list(a)
-    while len(rest) >= len(b):
-        f = rest[-1] / b.leading
-        shift = len(rest) - len(b)
-        for i, v in enumerate(b):
-            rest[shift + i] -= f * v
-        rest.pop()
-    return Polynomial(rest)
-
-
 def _gcd(a, b):
     while b:
-        a, b = b, _remainder(a, b)
+        a, b = b, divmod(a, b)[1]
     return a / a.leading
 
 
@@ -343,7 +336,7 @@ def _sign_changes(p):
         return []
     chain = [p, _derivative(p)]
     while chain[-1].degree > 0:
-        chain.append(-_remainder(chain[-2], chain[-1]))
+        chain.append(-divmod(chain[-2], chain[-1])[1])
 
     def variations(s):
         signs = [v > 0 for v in (q(s) for q in chain) if v]

@@ -14,8 +14,8 @@ from __future__ import annotations
 from fractions import Fraction
 from math import comb, factorial, prod
 
-from ..errors import AtcError
 from .chain import whole
+from .gradients import odd_degree
 
 
 def _partitions(total: int, largest: int | None = None):
@@ -75,11 +75,7 @@ def inner_pair_series(degree: int) -> dict:
     `pair_series((degree + 1) // 2)` identically, which is how the two ways to the paper's (5.2) are checked against
     each other.
     """
-    degree = whole("degree", degree)
-    if degree % 2 == 0:
-        raise AtcError(
-            f"degree = {degree}: expected an odd number: even derivatives drop out of y(x + r/2) − y(x − r/2)"
-        )
+    degree = odd_degree(degree)
     # V'(D) about r y': D = r y' + Σ_{k = 3, 5, …} 2 (r/2)^k y^(k)/k!
     flux: dict = {}
     for level in range(0, degree, 2):
@@ -143,7 +139,6 @@ def lennard_jones_equation(order: int = 3) -> dict:
 
 def paper_equation_5_2() -> dict:
     """Eq. (5.2) as the paper prints it, in the form of `lennard_jones_equation(3)`, to compare with."""
-
     F = Fraction
     out = {}
     for s, factor in ((12, F(8 * 12)), (6, F(-8 * 6))):
@@ -179,12 +174,6 @@ def evaluate(
     total = 0.0
     for (s, level, orders), c in equation.items():
         ratio = float(zeta(neighbors, s + 1 - level) / zeta(neighbors, s))
-        total += (
-            float(c)
-            * sigma**s
-            * spacing ** (level - 1)
-            * ratio
-            * prod(derivatives[k] for k in orders)
-            / derivatives[1] ** (s + 1 + len(orders))
-        )
+        product = prod(derivatives[k] for k in orders) / derivatives[1] ** (s + 1 + len(orders))
+        total += float(c) * sigma**s * spacing ** (level - 1) * ratio * product
     return epsilon * total

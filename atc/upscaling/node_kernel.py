@@ -133,25 +133,20 @@ def measure(made, fc, elastic, reciprocal):
     m = 2 * _MESH + 1
     s = np.array(list(product(range(m), repeat=3))) / m
     k = nearest_images(s[1:] @ reciprocal, reciprocal)
-    made.least = float(
-        (np.linalg.eigvalsh(made.dynamical_matrix(k))[:, 0] / np.linalg.eigvalsh(elastic.christoffel(k))[:, 0]).min()
-    )
+    own, long = (np.linalg.eigvalsh(D)[:, 0] for D in (made.dynamical_matrix(k), elastic.christoffel(k)))
+    made.least = float((own / long).min())
     # Along every direction of the cube to the face of the zone it meets first.
     e = np.array([d for d in product((-1, 0, 1), repeat=3) if d > (0, 0, 0)], float)
     e /= np.linalg.norm(e, axis=1)[:, None]
     n = np.array([o for o in product(range(-2, 3), repeat=3) if any(o)]) @ reciprocal
     along = e @ n.T
     ends = np.min(np.where(along > 1e-9, 0.5 * (n**2).sum(axis=1) / np.where(along > 1e-9, along, 1.0), np.inf), axis=1)
-    made.error_f = np.array(
-        [
-            np.abs(
-                signed_root(np.linalg.eigvalsh(made.dynamical_matrix(f * ends[:, None] * e)))
-                / np.sqrt(np.linalg.eigvalsh(fc.dynamical_matrix(f * ends[:, None] * e))[:, :3])
-                - 1
-            ).max()
-            for f in FRACTIONS
-        ]
-    )
+
+    def error(k):
+        own = signed_root(np.linalg.eigvalsh(made.dynamical_matrix(k)))
+        return np.abs(own / np.sqrt(np.linalg.eigvalsh(fc.dynamical_matrix(k))[:, :3]) - 1).max()
+
+    made.error_f = np.array([error(f * ends[:, None] * e) for f in FRACTIONS])
 
 
 def family(step, horizon) -> np.ndarray:

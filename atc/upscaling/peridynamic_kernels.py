@@ -17,7 +17,14 @@ from .elasticity import ElasticConstants
 from .force_constants import ForceConstants
 
 
-class Lattice:
+class _Periodic:
+    """Models whose D(k) is periodic, or unbounded, and tends to nothing."""
+
+    def onsite_matrix(self):
+        return None
+
+
+class Lattice(_Periodic):
     """The crystal itself: discrete peridynamics with a node at every atom, its bonds those of the force constants."""
 
     label = "discrete, on the lattice"
@@ -32,11 +39,8 @@ class Lattice:
     def radial_gradient(self, k_kc):
         return self.fc.gradient(k_kc, _unit(k_kc))
 
-    def onsite_matrix(self):
-        return None
 
-
-class Classical:
+class Classical(_Periodic):
     """The classical continuum, ω = c k: what every model tends to for long waves."""
 
     label = "classical"
@@ -51,9 +55,6 @@ class Classical:
     def radial_gradient(self, k_kc):
         k = np.atleast_2d(k_kc)
         return 2 * self.elastic.christoffel(k) / np.linalg.norm(k, axis=1)[:, None, None]
-
-    def onsite_matrix(self):
-        return None
 
 
 class MollifiedLattice:
@@ -101,9 +102,8 @@ class MollifiedLattice:
         from scipy.optimize import brentq
 
         far = max(fc.crystal.zone_boundary(d) for d in ((1, 0, 0), (1, 1, 0), (1, 1, 1)))
-        x = brentq(
-            lambda x: 1 - np.exp(-x) * sum(x**j / factorial(j) for j in range(order + 1)) - loss, 1e-9, order + 1.0
-        )
+        left = lambda x: np.exp(-x) * sum(x**j / factorial(j) for j in range(order + 1))  # noqa: E731
+        x = brentq(lambda x: 1 - left(x) - loss, 1e-9, order + 1.0)
         return cls(fc, np.sqrt(2 * x) / far, order)
 
     @property
@@ -123,9 +123,8 @@ class MollifiedLattice:
         q = np.linalg.norm(k, axis=1)
         x = 0.5 * (q * self.width) ** 2
         slope = (-np.exp(-x) * x**self.order / factorial(self.order) * q * self.width**2)[:, None, None]
-        return slope * (self.fc.dynamical_matrix(k) - self.fc.onsite_matrix()) + self.transform(q)[
-            :, None, None
-        ] * self.lattice.radial_gradient(k)
+        g = self.transform(q)[:, None, None]
+        return slope * (self.fc.dynamical_matrix(k) - self.fc.onsite_matrix()) + g * self.lattice.radial_gradient(k)
 
     def onsite_matrix(self):
         return self.fc.onsite_matrix()
@@ -188,16 +187,17 @@ class KernelBasis:
         c, wc = np.polynomial.legendre.leggauss(16)
         phi = 2 * np.pi * (np.arange(32) + 0.5) / 32
         s = np.sqrt(1 - c**2)
-        self._n = np.stack([np.outer(s, np.cos(phi)), np.outer(s, np.sin(phi)), np.outer(c, np.ones(32))], -1).reshape(
-            -1, 3
-        )
-        f = [
-            cubic_harmonic(l, self._n)[:, None, None] * t
-            for l in self.degrees
-            for t in bond_tensors(self._n, self.kinds)
-        ]
+        n = np.stack([np.outer(s, np.cos(phi)), np.outer(s, np.sin(phi)), np.outer(c, np.ones(32))], -1)
+        self._n = n.reshape(-1, 3)
+        f = self._angular(self._n)
         self._weights = np.repeat(wc, 32) * (2 * np.pi / 32)
         self._f_qac = np.stack(f, 1).reshape(len(self._n), len(f), 9) * self._weights[:, None, None]
+
+    def _angular(self, n_qc) -> list:
+        """[(q, 3, 3)] cubic harmonics times bond tensors along n."""
+        return [
+            cubic_harmonic(l, n_qc)[:, None, None] * t for l in self.degrees for t in bond_tensors(n_qc, self.kinds)
+        ]
 
     def hats(self, r) -> np.ndarray:
         """(r, m) the influence functions at distances r."""
@@ -252,8 +252,7 @@ class KernelBasis:
         """(size, b, 3, 3) each basis function at ξ; 0 beyond the horizon."""
         xi = np.atleast_2d(np.asarray(xi_bc, float))
         r = np.linalg.norm(xi, axis=1)
-        n = _unit(xi)
-        t = [cubic_harmonic(l, n)[:, None, None] * t for l in self.degrees for t in bond_tensors(n, self.kinds)]
+        t = self._angular(_unit(xi))
         hats = self.hats(r) * (r > 0)[:, None]
         return (np.array(t)[:, None] * hats.T[None, :, :, None, None]).reshape(self.size, len(xi), 3, 3)
 
@@ -315,9 +314,8 @@ class ShellBasis:
         r = r[(d > 1e-9) & (d <= self.horizon * (1 + 1e-9))]
         # Orbits: equal sorted |components| in units of the cube's edge.
         key = np.sort(np.abs(r), axis=1)
-        _, orbit = np.unique(
-            np.round(key / np.linalg.norm(self.crystal.conventional[0]), 6), axis=0, return_inverse=True
-        )
+        edge = np.linalg.norm(self.crystal.conventional[0])
+        _, orbit = np.unique(np.round(key / edge, 6), axis=0, return_inverse=True)
         order = np.argsort(orbit.ravel(), kind="stable")
         self.r_bc, self.orbit = r[order], orbit.ravel()[order]
         self.mass = self.crystal.masses.sum() * self.factor**3
@@ -348,28 +346,20 @@ class ShellBasis:
 
     def norms(self) -> np.ndarray:
         """(size,) the largest ω² of each."""
-        return (
-            2
-            * np.add.reduceat(
-                np.abs(self._t).max(axis=2), np.searchsorted(self.orbit, np.arange(self.orbits)), axis=1
-            ).ravel()
-            / self.mass
-        )
+        starts = np.searchsorted(self.orbit, np.arange(self.orbits))
+        return 2 * np.add.reduceat(np.abs(self._t).max(axis=2), starts, axis=1).ravel() / self.mass
 
     def onsite(self):
         return None
 
 
 @dataclass
-class CoarseLattice(_Fitted):
+class CoarseLattice(_Periodic, _Fitted):
     """Nodes on a coarser lattice with fitted force constants; `basis` says which."""
 
     basis: ShellBasis
     coefficients: np.ndarray
     label: str = "coarse lattice"
-
-    def onsite_matrix(self):
-        return None
 
     def springs(self) -> tuple[np.ndarray, np.ndarray]:
         """(b, 3) bonds of a node and (b, 3, 3) their spring constants (energy/length²)."""

@@ -132,7 +132,6 @@ def _elements(crystal) -> dict:
 
 def _tex(label: str) -> str:
     """As phonopy's plots write it: $\\Gamma$, $\\Sigma_0$; rays as they are."""
-
     if not label[:1].isalpha():
         return label
     words = {letter: f"\\{word.title()}" for word, letter in GREEK.items()}

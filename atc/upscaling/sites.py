@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import chain, permutations, product
 
 import numpy as np
 
@@ -30,6 +30,23 @@ class Sites:
     @property
     def cells(self) -> int:
         return len(self.basis) // len(self.crystal)
+
+
+def of_one_run(traj):
+    """The first frame of a run, and all frames, the first included, one by one: AtcError where atoms come or go, or for
+    no frame at all."""
+    it = iter(traj)
+    first = next(it, None)
+    if first is None:
+        raise AtcError("the trajectory has no frames")
+
+    def frames():
+        for frame in chain((first,), it):
+            if len(frame) != len(first):
+                raise AtcError(f"{frame.source}: {len(frame)} atoms, but the first frame has {len(first)}")
+            yield frame
+
+    return first, frames()
 
 
 def find_sites(frame, crystal: Crystal, cell=None) -> Sites:

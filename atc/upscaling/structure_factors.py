@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import AtcError
 from ..readers.times import Clock
 from ..units import units
+from .sites import of_one_run
 
 _CHUNK = 2_000_000
 
@@ -68,10 +69,7 @@ def structure_factors(
     """
     import xarray as xr
 
-    it = iter(traj)
-    first = next(it, None)
-    if first is None:
-        raise AtcError("the trajectory has no frames")
+    first, frames = of_one_run(traj)
     u = first.units
     if not first.cell.periodic.all():
         raise AtcError(f"{first.source}: structure factors need a box that is periodic along all axes")
@@ -91,20 +89,14 @@ def structure_factors(
     kinds = [first.type_names.get(int(t), str(t)) for t in types]
     clock = Clock("structure factors of a run", gaps=False)
     n_t, j_t = [], []
-    frame = first
-    while frame is not None:
-        if len(frame) != len(first):
-            raise AtcError(f"{frame.source}: {len(frame)} atoms, but the first frame has {len(first)}")
+    for frame in frames:
         if np.abs(frame.cell.vectors - first.cell.vectors).max() > 1e-6 * np.abs(first.cell.vectors).max():
-            raise AtcError(
-                f"{frame.source}: the box is not that of the first frame: structure factors are of runs in a constant "
-                "box"
-            )
+            why = "structure factors are of runs in a constant box"
+            raise AtcError(f"{frame.source}: the box is not that of the first frame: {why}")
         if clock.follows(frame):
             n, j = _transform(frame, q, types, currents)
             n_t.append(n)
             j_t.append(j)
-        frame = next(it, None)
     n_tkq = np.array(n_t)
     atoms, frames = len(first), len(n_tkq)
     dt = None

@@ -120,8 +120,9 @@ def _along(crystal, plane):
     flat = R[(np.abs(h) < 1e-8 * size.max()) & (size > 0)]
     flat = flat[np.argsort(np.linalg.norm(flat, axis=1), kind="stable")][:12]
     up = np.flatnonzero(h > 1e-6 * size.max())
+    none = AtcError(f"{crystal.name}: no lattice vectors were found in the plane {tuple(plane)}: take low indices")
     if len(flat) < 2:
-        raise AtcError(f"{crystal.name}: no lattice vectors were found in the plane {tuple(plane)}: take low indices")
+        raise none
     height = h[up].min()
     third = R[up[h[up] < height * (1 + 1e-6)]]
     third = third[np.argmin(np.linalg.norm(third, axis=1))]
@@ -130,7 +131,7 @@ def _along(crystal, plane):
         cell = np.array([a, b, third])
         if abs(abs(np.linalg.det(cell)) / crystal.volume - 1) < 1e-6:
             return (cell if np.linalg.det(cell) > 0 else cell * [[-1], [1], [1]]), height
-    raise AtcError(f"{crystal.name}: no lattice vectors were found in the plane {tuple(plane)}: take low indices")
+    raise none
 
 
 def _at_rest(frame, model, start) -> float:

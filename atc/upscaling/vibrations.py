@@ -19,7 +19,7 @@ from ..readers.times import Clock
 from .crystal import Crystal
 from .force_constants import frequency_unit, signed_root
 from .lineshapes import Line, fit_line, spectral_energy_density
-from .sites import Sites, commensurate, different, find_sites, halved, shortest_contact, star
+from .sites import Sites, commensurate, different, find_sites, halved, of_one_run, shortest_contact, star
 from .zone import Segment, commensurate_on
 
 #: Fewer frames than this in a block make no spectrum; fewer cycles than this no frequency.
@@ -61,10 +61,7 @@ def amplitudes(traj, crystal: Crystal, wave_vectors, *, timestep: float | None =
     AtcError for missing velocities or masses, atoms that leave their sites, a box that does not fit, steps or times
     that repeat or go back.
     """
-    it = iter(traj)
-    first = next(it, None)
-    if first is None:
-        raise AtcError("the trajectory has no frames")
+    first, frames = of_one_run(traj)
     first.require("velocities", "masses", why="the dispersion from a trajectory")
     sites = find_sites(first, crystal)
     crystal = sites.crystal
@@ -87,13 +84,9 @@ def amplitudes(traj, crystal: Crystal, wave_vectors, *, timestep: float | None =
         a = (root * a)[order].reshape(n, -1, 3)
         return np.einsum("kbm,bmc->kbc", phase, a, optimize=True).reshape(len(k), 3 * n)
 
-    frame = first
-    while frame is not None:
-        if len(frame) != len(first):
-            raise AtcError(f"{frame.source}: {len(frame)} atoms, but the first frame has {len(first)}")
+    for frame in frames:
         frame.require("velocities", why="the dispersion from a trajectory")
         if not clock.follows(frame):
-            frame = next(it, None)
             continue
         x = (frame.positions - frame.cell.origin) @ frame.cell.inverse @ sites.cell
         # The crystal may drift as a whole, through the box if it likes: it is looked for where it was the frame before.
@@ -105,18 +98,15 @@ def amplitudes(traj, crystal: Crystal, wave_vectors, *, timestep: float | None =
         drift = drift + moved
         far = np.sqrt((u**2).sum(axis=1))
         if far.max() > 0.5 * nearest:
-            bad = int(np.argmax(far))
-            raise AtcError(
-                f"{frame.source}: atom {frame.ids[bad]} is {frame.units.to_user('length', far[bad]):.3g} "
-                f"{frame.units.label('length')} from its site: the "
-                "crystal has melted or atoms have changed places; take earlier frames"
-            )
+            bad, u = int(np.argmax(far)), frame.units
+            away = f"{u.to_user('length', far[bad]):.3g} {u.label('length')}"
+            why = "the crystal has melted or atoms have changed places; take earlier frames"
+            raise AtcError(f"{frame.source}: atom {frame.ids[bad]} is {away} from its site: {why}")
         v = frame.velocities - np.average(frame.velocities, axis=0, weights=frame.masses)
         u_all.append(project(u))
         v_all.append(project(v))
         kinetic.append((frame.masses[:, None] * v**2).sum() / (3 * (len(frame) - 1) * frame.units.boltzmann))
         cells.append(frame.cell.vectors)
-        frame = next(it, None)
     notes = list(clock.notes)
     swing = np.abs(np.array(cells) - sites.cell).max() / np.abs(sites.cell).max()
     if swing > 1e-6:

@@ -413,29 +413,11 @@ class ForceModel:
         numbers in `rows` of those that broke."""
         bl = self.blocks
         gone_k = np.zeros(bl.count, np.int64)
-        self.crew.run(
-            force_loop(gather, law),
-            bl.count,
-            bl.edges,
-            bl.lo,
-            bl.offset,
-            rows.start_n,
-            rows.j_b,
-            rows.image_b,
-            self.images,
-            z,
-            data,
-            rows.intact_b,
-            rows.kind_b,
-            self.rule.s00,
-            self.rule.alpha,
-            smin_n,
-            self.s_low,
-            damage,
-            self.buf,
-            self.gone_b,
-            gone_k,
-        )
+        blocks = bl.edges, bl.lo, bl.offset
+        bonds = rows.start_n, rows.j_b, rows.image_b, rows.intact_b, rows.kind_b
+        rule = self.rule.s00, self.rule.alpha, smin_n, self.s_low, damage
+        out = self.buf, self.gone_b, gone_k
+        self.crew.run(force_loop(gather, law), bl.count, blocks, bonds, self.images, z, data, rule, *out)
         largest = self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, self.buf, F_nc, smin_n, damage)
         if damage:
             self.largest_smin = max(largest)

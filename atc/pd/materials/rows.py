@@ -26,13 +26,10 @@ def _largest(m, w):
 
 
 @njit(**INLINE)
-def _deal_and_break(
-    m, b0, i, base, j, node, w, f, own, intact, kind, s00, alpha, smin, s_low, damage, first, gone_b, gone
-):
-    """Forces (columns 0-2 of w) of m bonds of row i into f and `own`. With `damage`, bonds beyond their critical
-    stretch break after they have pulled: they are listed in gone_b from the block's first bond on, `gone` so far.
-    Column 6: stretches, +∞ if broken; 7: −∞ if broken."""
-    deal(m, base, node, w, f, own)
+def _break(m, b0, i, j, w, intact, kind, rule, first, gone_b, gone):
+    """Of m bonds of row i those beyond their critical stretch break: they are listed in gone_b from the block's first
+    bond on, `gone` so far. Column 6 of w: stretches, +∞ if broken; 7: −∞ if broken."""
+    s00, alpha, smin, s_low, damage = rule
     if damage and _largest(m, w) > s_low:
         for k in range(m):
             b = b0 + k
@@ -75,31 +72,15 @@ def eights(m, b0, intact):
 GATHER = LAW = None
 
 
-def _forces(
-    first,
-    last,
-    edges,
-    lo,
-    offset,
-    start,
-    j,
-    image,
-    images,
-    z,
-    data,
-    intact,
-    kind,
-    s00,
-    alpha,
-    smin,
-    s_low,
-    damage,
-    buf,
-    gone_b,
-    gone_k,
-):
-    """Blocks first..last: forces and smallest stretches into their buffers. Broken bonds are listed in gone_b, block by
-    block from the block's first bond on, gone_k of them."""
+def _forces(first, last, blocks, rows, images, z, data, rule, buf, gone_b, gone_k):
+    """Blocks first..last: forces and smallest stretches into their buffers. With `damage` bonds break after they have
+    pulled: they are listed in gone_b, block by block from the block's first bond on, gone_k of them.
+
+    blocks : edges, lo, offset. rows : of a `Standing`: start, j, image, intact, kind. rule : s00, alpha, the nodes'
+    smallest stretches, what no bond breaks below, damage
+    """
+    edges, lo, offset = blocks
+    start, j, image, intact, kind = rows
     w = np.empty(8 * C)
     v = np.empty(10 * C)
     node = np.empty(C + 8, np.int32)
@@ -116,27 +97,8 @@ def _forces(
                 m = min(C, start[i + 1] - b0)
                 GATHER(b0, m, i, j, image, images, z, node, w)
                 LAW(m, b0, i, node, w, v, intact, data)
-                gone = _deal_and_break(
-                    m,
-                    b0,
-                    i,
-                    base,
-                    j,
-                    node,
-                    w,
-                    f,
-                    own,
-                    intact,
-                    kind,
-                    s00,
-                    alpha,
-                    smin,
-                    s_low,
-                    damage,
-                    b_first,
-                    gone_b,
-                    gone,
-                )
+                deal(m, base, node, w, f, own)
+                gone = _break(m, b0, i, j, w, intact, kind, rule, b_first, gone_b, gone)
             _close_row(f[i - base], own)
         gone_k[block] = gone
 

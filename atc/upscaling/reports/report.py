@@ -108,7 +108,6 @@ class Report:
 
     def dataset(self, name: str, ds) -> None:
         """Save a dataset as name.nc beside the report."""
-
         write_dataset(ds, self.folder / f"{name}.nc")
 
     def write(self) -> Path:
@@ -150,7 +149,6 @@ def _show(c) -> str:
 
 def _plain(value):
     """What JSON cannot hold: numpy numbers and arrays, fractions."""
-
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, np.generic):
@@ -165,7 +163,6 @@ def percent(value: float) -> str:
 
 def draw_density(ax, x, t, density, title: str, *, limits=None, zoom=None):
     """The paper's picture: reference position across, time downwards, density as colour. `zoom` = (x0, x1, t0, t1)."""
-
     x, t, density = np.asarray(x), np.asarray(t), np.asarray(density)
     if zoom is not None:
         cols, rows = (x >= zoom[0]) & (x <= zoom[1]), (t >= zoom[2]) & (t <= zoom[3])

@@ -23,18 +23,16 @@ def springs_report(folder, progress=lambda text: None) -> Report:
     minute."""
     report = Report("Nonlocal linear springs: molecular dynamics, peridynamics, the wave equation", folder)
     report.numbers["reduced units"] = "modulus K1 = 1, density 1, so sound speed 1"
-    progress("series")
-    _series(report)
-    progress("stability (Fig. 4.2)")
-    _stability(report)
-    progress("simulations (Figs. 4.3, 4.4, Table 4.1)")
-    _dispersion(report)
-    progress("local and nonlocal (Fig. 4.5)")
-    _local_nonlocal(report)
-    progress("square pulse (Fig. 4.6)")
-    _square(report)
-    progress("better coarse models")
-    _coarse(report)
+    for what, section in (
+        ("series", _series),
+        ("stability (Fig. 4.2)", _stability),
+        ("simulations (Figs. 4.3, 4.4, Table 4.1)", _dispersion),
+        ("local and nonlocal (Fig. 4.5)", _local_nonlocal),
+        ("square pulse (Fig. 4.6)", _square),
+        ("better coarse models", _coarse),
+    ):
+        progress(what)
+        section(report)
     report.write()
     return report
 
@@ -173,9 +171,8 @@ def _stability(report: Report) -> None:
         "Fig. 4.2",
         "For small Δx the time step may exceed (4.12) by about 20–30 %.",
         f"2/ω_max exceeds it by {percent(slack[inside].min())} to {percent(slack[inside].max())} for M = 4 … 25 (runs "
-        "of the square pulse: "
-        f"{percent(np.nanmin(observed[inside]))} to {percent(np.nanmax(observed[inside]))}), {percent(slack[-1])} at "
-        "M = 100; none at M = 1",
+        f"of the square pulse: {percent(np.nanmin(observed[inside]))} to {percent(np.nanmax(observed[inside]))}), "
+        f"{percent(slack[-1])} at M = 100; none at M = 1",
         YES,
     )
     report.claim(
@@ -334,8 +331,7 @@ def _dispersion(report: Report) -> None:
         "What the runs show is the dispersion of the models.",
         f"at the paper's steps Verlet's own error cancels {percent(min(cancelled.values()))} to "
         f"{percent(max(cancelled.values()))} of the leading dispersion, a different share for each model; MD so run "
-        "is "
-        f"{percent(errors['MD by velocity Verlet, its own Δt'])} off its own exact solution",
+        f"is {percent(errors['MD by velocity Verlet, its own Δt'])} off its own exact solution",
         NO,
         "compare at one Δt, or exactly in time as here",
     )
@@ -465,14 +461,13 @@ def _square(report: Report) -> None:
         f"{dt:.6f}; t = 1.56 and 6.04 are steps {frames[0]} and {frames[1]}",
         YES if abs(dt - 0.064940) < 5e-7 else NO,
     )
+    end = f"{frames[1] * dt:.2f}"
+    at_end = {name: f"{numbers[f'{name} {end}']['total_variation']:.3g}" for name in runs}
     report.claim(
         "Fig. 4.6",
         "The classical simulation oscillates; molecular dynamics and peridynamics oscillate less.",
-        f"total variation at t = {frames[1] * dt:.2f}: CCM "
-        f"{numbers[f'CCM {frames[1] * dt:.2f}']['total_variation']:.3g}, MD "
-        f"{numbers[f'MD {frames[1] * dt:.2f}']['total_variation']:.3g}, "
-        f"fine PD {numbers[f'PD fine {frames[1] * dt:.2f}']['total_variation']:.3g}, coarse PD "
-        f"{numbers[f'PD coarse {frames[1] * dt:.2f}']['total_variation']:.3g} (2 at the start)",
+        f"total variation at t = {end}: CCM {at_end['CCM']}, MD {at_end['MD']}, fine PD {at_end['PD fine']}, coarse PD "
+        f"{at_end['PD coarse']} (2 at the start)",
         ASSUMING,
         "CCM's oscillations are those of its own chain of 20 neighbours; the wave equation itself moves the "
         "pulse undisturbed",
