@@ -18,6 +18,7 @@ from atc import readers
 from atc.cli import app
 from atc.errors import AtcError
 from atc.estimators.registry import QUANTITIES, Quantity, register
+from atc.estimators.summed import SITE, Source
 from atc.frame import Cell, Frame
 from atc.grids import BoundGrid, Grid
 from atc.readers.trajectory import Trajectory
@@ -58,6 +59,43 @@ def test_a_quantity(speed):
         register(SPEED)
     with pytest.raises(AtcError, match="no sums called 'colour'"):
         register(Quantity("hue", "velocity", "hue", SPEED.form, site=("colour",)))
+
+
+# ---- a quantity with a source of its own
+
+SPIN = Source(3, ("masses", "velocities"), of=lambda atoms: np.cross(atoms.frame.positions, atoms["momentum"]))
+
+
+@pytest.fixture
+def spin():
+    SITE["spin"] = SPIN
+    yield register(
+        Quantity(
+            "spin",
+            "momentum",
+            "angular momentum about the origin, over length",
+            lambda s: s.site["spin"],
+            rank=1,
+            site=("spin",),
+        )
+    )
+    del QUANTITIES["spin"], SITE["spin"]
+
+
+def test_a_quantity_with_a_source_of_its_own(spin):
+    """Against the plain sum over atoms and images; what it needs of a frame is asked for in one line."""
+    frame, points = argon(), [[1.0, 4.0, 52.0], [4.0, 8.0, 58.0]]
+    ds = atc.fields(frame, None, KERN, atc.Grid.points(points), ["spin"])
+    m_n, v_nc = frame.masses, frame.velocities
+    v_nc = v_nc - m_n @ v_nc / m_n.sum()
+    spin_nc = np.cross(frame.positions, m_n[:, None] * v_nc)
+    images = np.stack(np.meshgrid(*3 * [[-1, 0, 1]], indexing="ij"), -1).reshape(-1, 3) @ frame.cell.vectors
+    for p, x_c in enumerate(points):
+        d_mnc = frame.positions - x_c + images[:, None]
+        exact = METAL.to_user("momentum", KERN.phi(d_mnc).sum(0) @ spin_nc)
+        np.testing.assert_allclose(ds["spin"][0, p], exact, rtol=1e-12)
+    with pytest.raises(AtcError, match="spin"):
+        atc.fields(frame.replace(velocities=None), None, KERN, atc.Grid.points(points), ["spin"])
 
 
 # ---- a grid

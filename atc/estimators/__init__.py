@@ -1,11 +1,15 @@
 """From the sums over a snapshot to continuum fields.
 
 ``driver``       frames in, fields out; a frame is a group of one
+``runs``         consecutive frames with one cell, and the sums that they give
 ``passes``       one frame's sums: over bonds, over atoms, with the kernel's gradient
+``forming``      the fields, formed once from the sums, and their errors
 ``tiles``        the pass over the bonds, tile by tile (``tile_cuts``: how a frame is cut)
 ``groups``       which sums of several frames are added up before they are finished
-``registry``     what each quantity needs and how it is formed; new quantities are one entry there
-``sources``      the per-atom and per-bond factors that are summed
+``quantities``   what each quantity needs and how it is formed, by kind: one entry each (``registry``: by name)
+``summed``       what can be summed: one entry each
+``work``         what is to be summed for some quantities, and nothing else
+``sources``      the values of a frame's atoms and bonds that are summed
 ``deposits``     the sums at one set of points, each by its own method
 ``sums``         the finished sums at the grid points and the algebra on them
 ``accuracy``     the error, measured on the spot; ``tightening``: when it is too large

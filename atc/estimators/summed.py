@@ -118,10 +118,7 @@ SITE = AndColumns(
         ),
         "energy_current": Source(3, _MOVING, bonds=True, energies=True, of=_energy_current),
         "outside_force": Source(
-            3,
-            bonds=True,
-            forces=True,
-            of=lambda a: a.pot.body_forces(a.atoms, a.per_atom.forces_nc[: len(a.atoms)])[0],
+            3, bonds=True, forces=True, of=lambda a: a.pot.body_forces(a.atoms, a.per_atom.forces_nc[: len(a.atoms)])[0]
         ),
         "outside_power": Source(
             1,
