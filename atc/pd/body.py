@@ -35,6 +35,7 @@ class Body:
     materials : (n,) int or a number, which material each node is made of (default 1)
     notches : `Notch` objects that cut bonds
     unbonded : pairs (a, b) of materials between which there are no bonds
+    crowded : whether volumes may add up to more than the periodic cell has, as those of atoms of a compressed crystal
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class Body:
         materials=1,
         notches=(),
         unbonded=(),
+        crowded=False,
         warn=True,
     ):
         X = np.ascontiguousarray(positions, dtype=np.float64)
@@ -98,7 +100,8 @@ class Body:
         if any(cell.periodic[dimension:]):
             raise AtcError(f"a body of dimension {dimension} cannot be periodic along {'xyz'[dimension:]}")
         self.cell = cell.completed(X, margin=self.horizon)
-        self._require_room()
+        if not crowded:
+            self._require_room()
         sizes = (self.V_n / (self.thickness if dimension < 3 else 1.0)) ** (1 / dimension)
         self.spacing = float(sizes.mean() if spacing is None else spacing)
         # Node radii, for contact: half the spacing of a lattice.

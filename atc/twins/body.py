@@ -118,5 +118,6 @@ def body_of_atoms(reference, bulk: float, horizon: float) -> TwinBody:
     bond. V_I = m/ρ of the crystal. `horizon` : of the body; parameters and result otherwise as `body_of`."""
     V = reference.masses / bulk
     X = np.array(reference.positions)
-    body = pd.Body(X, V, bulk, horizon, cell=reference.cell, spacing=float(V.mean() ** (1 / 3)), warn=False)
-    return TwinBody(body, Same(reference), np.eye(3) * V.mean() ** (1 / 3), bulk, bulk)
+    size = float(V.mean() ** (1 / 3))
+    body = pd.Body(X, V, bulk, horizon, cell=reference.cell, spacing=size, crowded=True, warn=False)
+    return TwinBody(body, Same(reference), np.eye(3) * size, bulk, bulk)

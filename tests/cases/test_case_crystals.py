@@ -33,10 +33,14 @@ def case(material, horizon=3.015, spacing=A, **body):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("model, horizon", [("cauchy-born", 1.8), ("linear", 3.015)])
-def test_a_crystal_strained(model, horizon):
-    """Its stress is C ε, in pascals, along turned axes too; mass as the crystal's, per cubic metre."""
-    made = Case.load(case({"model": model, "orient": ORIENT, **ATOMS}, horizon))
+@pytest.mark.parametrize(
+    "model, horizon, more",
+    [("cauchy-born", 1.8, {}), ("cauchy-born", 1.8, {"influence": "1 + x^2/r^2"}), ("linear", 3.015, {})],
+)
+def test_a_crystal_strained(model, horizon, more):
+    """Its stress is C ε, in pascals, along turned axes too; mass as the crystal's, per cubic metre. So it is whatever
+    directions its nodes listen to."""
+    made = Case.load(case({"model": model, "orient": ORIENT, **ATOMS, **more}, horizon))
     sim = made.simulation(1)
     assert sim.body.rho_n == pytest.approx(4 * MASS * 1.66053906660e-27 / A**3, rel=1e-6)
     f = sim.bond_forces()

@@ -62,6 +62,7 @@ def test_more_volume_than_the_cell_has():
     assert pd.Body(X, 1.0, 1.0, 1.5, cell=cell).V_n.sum() == 64
     with pytest.raises(AtcError, match="add up to 70.4, 10 % more than the 64 of the periodic cell"):
         pd.Body(X, 1.1, 1.0, 1.5, cell=cell)
+    assert pd.Body(X, 1.1, 1.0, 1.5, cell=cell, crowded=True).V_n.sum() == pytest.approx(70.4)
     plate = X[X[:, 2] == 0]
     flat = Cell([4.0, 4, 1], periodic=(True, True, False))
     with pytest.raises(AtcError, match="add up to 0.33, 3.13 % more than the 0.32"):

@@ -125,3 +125,12 @@ def test_atoms_off_their_places_are_named():
     made = body_of_atoms(frame.replace(positions=x), crystal("argon").density, 8.7)
     with pytest.raises(AtcError, match="atom 8 of the reference is not at a place of the crystal"):
         LatticeSprings(constants("argon")).springs(made.body)
+
+
+def test_atoms_of_a_compressed_run_are_nodes():
+    """Their mass is the run's, and their volumes are those of the crystal at rest, more than the cell has."""
+    c = crystal("argon")
+    frame = c.strained(-0.02 * np.eye(3)).supercell((5, 5, 5))[0]
+    body = body_of_atoms(frame, c.density, 8.7).body
+    assert body.V_n.sum() == pytest.approx(frame.cell.volume / 0.98**3, rel=1e-12)
+    assert (body.rho_n * body.V_n).sum() == pytest.approx(frame.masses.sum(), rel=1e-12)

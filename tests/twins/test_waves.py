@@ -60,5 +60,9 @@ def test_the_command(tmp_path):
         # The nodes' zone ends half-way to the crystal's.
         assert np.isfinite(twin.values[:31]).all() and np.isnan(twin.values[32:]).all()
         assert twin.values[1:11] == pytest.approx(lattice.values[1:11], rel=0.01)
+    # what breaks has no place in waves
+    more = ["--set", "twin.fracture_energy=0.1", "--set", "dispersion.directions=[[1, 0, 0]]"]
+    done = CliRunner().invoke(app, ["dispersion", str(tmp_path / "scene.toml"), *more])
+    assert done.exit_code == 0 and "PD less lattice" in done.output, done.output
     done = CliRunner().invoke(app, ["dispersion", str(tmp_path / "scene.toml"), "--set", "twin.material=smoothed"])
     assert done.exit_code == 2 and "the crystal's own waves" in done.output
