@@ -66,7 +66,42 @@ def test_a_straight_cut(followed, end):
     (md, area_md), (pd_, area_pd) = cut(followed, end)
     assert md == pytest.approx(end, abs=0.6 * A) and pd_ == pytest.approx(end, abs=0.6 * A)
     want = end * COUNTS[2] * A
-    assert area_md == pytest.approx(want, rel=0.1) and area_pd == pytest.approx(want, rel=0.1)
+    assert area_md == pytest.approx(want, rel=0.06) and area_pd == pytest.approx(want, rel=0.06)
+
+
+@pytest.mark.parametrize("name", ["argon", "silicon"])
+@pytest.mark.parametrize("normal", [(1, 0, 0), (1, 1, 0), (1, 1, 1), (2, 1, 0), (0.3, 0.5, 0.81)])
+def test_cuts_of_a_crystal_at_any_height(name, normal):
+    """Bonds that a plane cuts, found by hand in a block, have its area together: exactly where the bonds that are cut
+    lie between the same layers; else in the mean over heights. Counted alike, silicon's between double layers would
+    have 1/1.5 of it, those within them twice as much."""
+    c = crystal(name)
+    block, _ = c.supercell((4, 4, 4))
+    bonds = NearestBonds(block, c)
+    n = np.array(normal) / np.linalg.norm(normal)
+    area_b = bonds.area_b(n, np.eye(3))
+    s = block.positions[bonds.i] @ n, (block.positions[bonds.i] - bonds.r_bc) @ n
+    # Periodic along all axes: a plane and its images, an area of volume over length by each unit of height.
+    total = (area_b * np.abs(s[0] - s[1])).sum()
+    assert total == pytest.approx(abs(np.linalg.det(block.cell.vectors)), rel=1e-3)
+    if name == "silicon" and normal == (1, 1, 1):
+        b = 3**0.5 / 4 * np.linalg.norm(c.conventional[0])
+        row = c.volume / (4 / 3 * b)  # of an atom in its layer
+        far = np.abs(s[0] - s[1]) > 0.5 * b
+        assert far.sum() * 3 == (~far).sum()
+        assert area_b[far] == pytest.approx(row, rel=1e-4) and area_b[~far] == pytest.approx(row / 3, rel=1e-4)
+
+
+def test_the_crystal_is_turned():
+    """Axes given as of the run: the same areas as with the normal turned back."""
+    c = crystal("silicon")
+    block, _ = c.supercell((3, 3, 3))
+    bonds = NearestBonds(block, c)
+    axes = np.array([[2, -1, -1], [1, 1, 1], [0, -1, 1]]) / np.sqrt([[6], [3], [2]])
+    run = axes.T  # rows: where the crystal's x, y, z point in a run whose axes lie along these directions
+    before = bonds.area_b(axes[1], np.eye(3))
+    bonds.r_bc = bonds.r_bc @ run
+    assert bonds.area_b(np.array([0, 1.0, 0]), run) == pytest.approx(before, rel=1e-9)
 
 
 def test_damage_elsewhere_does_not_move_the_tip(followed):
