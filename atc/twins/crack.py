@@ -40,14 +40,18 @@ class Crack:
     bonds : NearestBonds of the atoms. sim : pd.Simulation
     along, normal : (3,) unit vectors, where the crack runs and the normal of its plane
     axes_cc : (3, 3) rows, where the crystal's axes point in the run
+    carried : where the nodes carry atoms along, gives their frame: the twin's bonds are then those, as of the MD
     """
 
-    def __init__(self, made, reference, kernel, bonds, sim, along, normal, axes_cc=None):
+    def __init__(self, made, reference, kernel, bonds, sim, along, normal, axes_cc=None, carried=None):
         if not abs(along @ normal) < 1e-6:
             raise AtcError("[twin] crack_normal: must be normal to crack_direction")
         body = made.body
         self.X, self.along, self.edge = body.X_nc, along, float(made.edges.max())
-        self.atoms, self.bonds, self.sim = made.smoothing, bonds, sim
+        self.bonds, self.sim, self.carried = bonds, sim, carried
+        atoms = made.smoothing
+        # Nodes that are the atoms are not smoothed; their damage is.
+        self.atoms = atoms if isinstance(atoms, Smoothing) else Smoothing(reference, kernel, self.X)
         nodes = Frame(self.X, body.cell, reference.units, masses=body.rho_n * body.V_n)
         self.nodes = Smoothing(nodes, kernel, self.X)
         s_g = self.X @ normal
@@ -65,12 +69,8 @@ class Crack:
         for s in lo + (np.arange(_CUTS) + 0.5) * (hi - lo) / _CUTS + 0.013 * self.edge:
             cut_md = (x_atoms[bonds.i] - s) * (x_atoms[bonds.i] - r_atoms - s) < 0
             cut_pd = (s_g[table.i_b] - s) * (s_g[table.i_b] + xi - s) < 0
-            tops.append(
-                (
-                    self._smooth(self.atoms, bonds.share(cut_md)).max(),
-                    self._smooth(self.nodes, self._broken(cut_pd)).max(),
-                )
-            )
+            md = self._smooth(self.atoms, bonds.share(cut_md)).max()
+            tops.append((md, md if carried else self._smooth(self.nodes, self._broken(cut_pd)).max()))
         self.least = 0.5 * np.median(tops, axis=0)
         if not (self.least > 0).all():
             raise AtcError("[twin] crack_normal: a cut across the body crosses no bonds: the body has no such plane")
@@ -85,12 +85,17 @@ class Crack:
 
     def measure(self, frame) -> list:
         """[(tip, area) of the MD, (tip, area) of the PD] now, internal units; no tip (NaN) before anything is lost."""
-        gone_md, gone_pd = self.bonds.gone(frame), np.asarray(self.sim.state.intact_b) == 0
-        found = (
-            (self._smooth(self.atoms, self.bonds.share(gone_md)), self.area_md[gone_md].sum()),
-            (self._smooth(self.nodes, self._broken(gone_pd)), self.area_pd[gone_pd].sum()),
-        )
+        found = [self._of_atoms(frame)]
+        if self.carried:
+            found.append(self._of_atoms(self.carried()))
+        else:
+            gone = np.asarray(self.sim.state.intact_b) == 0
+            found.append((self._smooth(self.nodes, self._broken(gone)), self.area_pd[gone].sum()))
         return [(self._tip(d_g, self.least[k]), float(area)) for k, (d_g, area) in enumerate(found)]
+
+    def _of_atoms(self, frame):
+        gone = self.bonds.gone(frame)
+        return self._smooth(self.atoms, self.bonds.share(gone)), self.area_md[gone].sum()
 
     def _tip(self, d_g, least) -> float:
         from scipy.sparse import coo_array
@@ -142,7 +147,7 @@ def require_crossed(scene, body) -> None:
             raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notch {k + 1} crosses no bond of the nodes")
 
 
-def crack_of(scene, get, made, reference, kernel, bonds, sim):
+def crack_of(scene, get, made, reference, kernel, bonds, sim, carried=None):
     """What follows the crack, where [twin] says along which direction it runs."""
     if get("crack_direction") is None:
         if get("crack_normal") is not None:
@@ -159,7 +164,7 @@ def crack_of(scene, get, made, reference, kernel, bonds, sim):
             "the crack's plane"
         )
     along, normal = (unit_vector(get(k), k) for k in ("crack_direction", "crack_normal"))
-    return Crack(made, reference, kernel, bonds, sim, along, normal, orientation(scene))
+    return Crack(made, reference, kernel, bonds, sim, along, normal, orientation(scene), carried)
 
 
 def add_crack(data, units, times, found) -> None:

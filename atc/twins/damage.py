@@ -106,15 +106,16 @@ def on_grid(frame, kernel, points_gc, damage_n) -> np.ndarray:
     return quotient(s.weights_gn @ (frame.masses * damage_n), s.density_g)
 
 
-def add_damage(data, md, pd, share) -> None:
+def add_damage(data, md, pd, share, carried=False) -> None:
     """md_damage, pd_damage and their difference into a dataset, from one array a frame; and the mean of both over the
-    body: `share`, (frames, 2)."""
+    body: `share`, (frames, 2). `carried` : whether the twin's bonds are those of atoms too."""
     dims = data["md_density"].dims
     shape = data["md_density"].shape
     for side, values in (("md", md), ("pd", pd)):
         data[f"{side}_damage"] = (dims, np.array(values).reshape(shape), {"units": "1"})
     data["md_damage"].attrs["long_name"] = "share of the reference's nearest-neighbour bonds that are lost, MD"
-    data["pd_damage"].attrs["long_name"] = "share of the reference's families that is broken, PD"
+    what = "nearest-neighbour bonds that are lost" if carried else "families that is broken"
+    data["pd_damage"].attrs["long_name"] = f"share of the reference's {what}, PD"
     data["difference_damage"] = data["pd_damage"] - data["md_damage"]
     data["difference_damage"].attrs = {"units": "1", "long_name": "PD - MD, damage"}
     for k, side in enumerate(("md", "pd")):
