@@ -208,11 +208,9 @@ def main(*words) -> None:
     if "horizon" in words:
         # Four horizons to half of the height.
         cases += [(4 * m, m + 0.015, m) for m in (2, 3, 4)]
-    print(
-        "| spacings to half of the height | to a horizon | bonds break by | largest G | mean | energy that the body "
-        "loses | a straight cut's bonds | broken beside the plane | closed form |"
-    )
-    print("|" + 9 * "---|")
+    heads = ("spacings to half of the height", "to a horizon", "bonds break by", "largest G", "mean", "energy spent",
+             "a straight cut's bonds", "broken beside the plane", "closed form")  # fmt: skip
+    print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
     for half, ratio, skip in cases or [(half, 3.015, 3) for half in (8, 12, 16, 24)]:
         for kind, name in NAMES:
             v = release(half, kind, ratio=ratio, skip=skip, columns=skip + 3, anywhere="anywhere" in words)

@@ -35,8 +35,17 @@ def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
     for key in ("fracture_energy", "notches"):
         if get(key) is not None and not get("fracture"):
             raise AtcError(f"[twin] {key}: goes with fracture = true")
-    if get("fracture") and get("material", "isotropic") != "isotropic":
-        raise AtcError('[twin] fracture: only the bonds of material = "isotropic" break: leave it out')
+    if get("fracture") and get("material", "isotropic") not in ("isotropic", "smoothed"):
+        raise AtcError(
+            '[twin] fracture: only the bonds of material = "isotropic" break, and atoms that "smoothed" carries part: '
+            "leave it out"
+        )
+    if get("fracture") and get("motion", "dynamic") != "dynamic":
+        raise AtcError('[twin] fracture: bonds break in dynamic twins only: motion = "dynamic"')
+    if get("fracture") and get("material") == "smoothed":
+        for key in ("fracture_energy", "notches"):
+            if get(key) is not None:
+                raise AtcError(f'[twin] {key}: material = "smoothed" parts as the potential has it: leave it out')
     influence = _influence(get, crystal.units, made.body.horizon)
     if get("material", "isotropic") == "cauchy-born":
         from .cauchy_born import cauchy_born
@@ -66,8 +75,6 @@ def twin_material(get, crystal, model, axes, made, reference, equilibrium=None):
         from ..pd import CriticalStretch
         from ..upscaling.surfaces import cleavage, strength
 
-        if get("motion", "dynamic") != "dynamic":
-            raise AtcError('[twin] fracture: bonds break in dynamic twins only: motion = "dynamic"')
         found.surface = cleavage(crystal, model)
         u, found.given = crystal.units, get("fracture_energy") is not None
         per_area = u.to_internal("energy", 1.0) / u.length ** (crystal.dimension - 1)

@@ -8,6 +8,7 @@ import numpy as np
 from ..errors import AtcError
 from ..frame import Frame
 from ..pd.damage import damage_n
+from .choice import orientation
 from .smoothing import Smoothing
 
 #: Straight cuts that tell what a crack's damage is: how many, and within which part of the body's extent.
@@ -28,22 +29,29 @@ class Crack:
     Damage of atoms and nodes is smoothed with one kernel at the nodes of the reference. The crack is the largest
     connected group of nodes with at least half of the damage that a straight cut through the body does there (the
     median of the largest values of eight cuts), each side by its own; its tip is the furthest place along the
-    direction that reaches this, interpolated. The cracked area is the number of lost bonds over those that a straight
-    cut crosses per area: branches and damage beside the crack count in it.
+    direction that reaches this, interpolated. The cracked area is the sum over lost bonds of the area of the crack's
+    plane that each stands for, such that a straight cut at any height has the area that it has, in both; branches and
+    damage beside the crack count in it. In the MD bonds have those of the perfect crystal (`damage.areas_of`), in the
+    PD V_i V_j (1/g_i + 1/g_j), g = Σ V |ξ·n| of a node's family, so that families at surfaces count as whole ones.
 
     Parameters
     ----------
     made : TwinBody. reference : Frame. kernel : of internal lengths
     bonds : NearestBonds of the atoms. sim : pd.Simulation
     along, normal : (3,) unit vectors, where the crack runs and the normal of its plane
+    axes_cc : (3, 3) rows, where the crystal's axes point in the run
+    carried : where the nodes carry atoms along, gives their frame: the twin's bonds are then those, as of the MD
     """
 
-    def __init__(self, made, reference, kernel, bonds, sim, along, normal):
+    def __init__(self, made, reference, kernel, bonds, sim, along, normal, axes_cc=None, carried=None):
         if not abs(along @ normal) < 1e-6:
             raise AtcError("[twin] crack_normal: must be normal to crack_direction")
         body = made.body
         self.X, self.along, self.edge = body.X_nc, along, float(made.edges.max())
-        self.atoms, self.bonds, self.sim = made.smoothing, bonds, sim
+        self.bonds, self.sim, self.carried = bonds, sim, carried
+        atoms = made.smoothing
+        # Nodes that are the atoms are not smoothed; their damage is.
+        self.atoms = atoms if isinstance(atoms, Smoothing) else Smoothing(reference, kernel, self.X)
         nodes = Frame(self.X, body.cell, reference.units, masses=body.rho_n * body.V_n)
         self.nodes = Smoothing(nodes, kernel, self.X)
         s_g = self.X @ normal
@@ -51,30 +59,24 @@ class Crack:
         x_atoms, r_atoms = reference.positions @ normal, bonds.r_bc @ normal
         table = body.bonds
         xi = table.xi_bc(self.X) @ normal  # from i to j
-        tops, self.per_area = [], np.zeros(2)
+        V, reach = body.V_n, np.abs(xi)
+        g_n = table.sums(V[table.j_b] * reach, V[table.i_b] * reach)
+        each = np.divide(1.0, g_n, out=np.zeros(len(V)), where=g_n > 0)
+        self.area_pd = V[table.i_b] * V[table.j_b] * (each[table.i_b] + each[table.j_b])
+        self.area_md = bonds.area_b(normal, np.eye(3) if axes_cc is None else axes_cc)
+        tops = []
         # Between layers of nodes, not through one: its bonds would end on the plane.
         for s in lo + (np.arange(_CUTS) + 0.5) * (hi - lo) / _CUTS + 0.013 * self.edge:
             cut_md = (x_atoms[bonds.i] - s) * (x_atoms[bonds.i] - r_atoms - s) < 0
             cut_pd = (s_g[table.i_b] - s) * (s_g[table.i_b] + xi - s) < 0
-            tops.append(
-                (
-                    self._smooth(self.atoms, bonds.share(cut_md)).max(),
-                    self._smooth(self.nodes, self._broken(cut_pd)).max(),
-                )
-            )
-            area = body.V_n[np.abs(s_g - s) < 2 * self.edge].sum() / (4 * self.edge)
-            self.per_area += np.array([cut_md.sum(), self._bond_volume(cut_pd)]) / area / _CUTS
+            md = self._smooth(self.atoms, bonds.share(cut_md)).max()
+            tops.append((md, md if carried else self._smooth(self.nodes, self._broken(cut_pd)).max()))
         self.least = 0.5 * np.median(tops, axis=0)
         if not (self.least > 0).all():
             raise AtcError("[twin] crack_normal: a cut across the body crosses no bonds: the body has no such plane")
 
     def _broken(self, gone_b):
         return damage_n(self.sim.body, ~gone_b)
-
-    def _bond_volume(self, gone_b) -> float:
-        """Σ V_i V_j of bonds: long and short ones of a family count as the volumes that they join."""
-        t, V = self.sim.body.bonds, self.sim.body.V_n
-        return float((V[t.i_b] * V[t.j_b])[gone_b].sum())
 
     @staticmethod
     def _smooth(smoothing, damage_n):
@@ -83,12 +85,17 @@ class Crack:
 
     def measure(self, frame) -> list:
         """[(tip, area) of the MD, (tip, area) of the PD] now, internal units; no tip (NaN) before anything is lost."""
-        gone_md, gone_pd = self.bonds.gone(frame), np.asarray(self.sim.state.intact_b) == 0
-        found = (
-            (self._smooth(self.atoms, self.bonds.share(gone_md)), gone_md.sum()),
-            (self._smooth(self.nodes, self._broken(gone_pd)), self._bond_volume(gone_pd)),
-        )
-        return [(self._tip(d_g, self.least[k]), lost / self.per_area[k]) for k, (d_g, lost) in enumerate(found)]
+        found = [self._of_atoms(frame)]
+        if self.carried:
+            found.append(self._of_atoms(self.carried()))
+        else:
+            gone = np.asarray(self.sim.state.intact_b) == 0
+            found.append((self._smooth(self.nodes, self._broken(gone)), self.area_pd[gone].sum()))
+        return [(self._tip(d_g, self.least[k]), float(area)) for k, (d_g, area) in enumerate(found)]
+
+    def _of_atoms(self, frame):
+        gone = self.bonds.gone(frame)
+        return self._smooth(self.atoms, self.bonds.share(gone)), self.area_md[gone].sum()
 
     def _tip(self, d_g, least) -> float:
         from scipy.sparse import coo_array
@@ -144,7 +151,7 @@ def require_crossed(scene, body) -> None:
             raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notch {k + 1} crosses no bond of the nodes")
 
 
-def crack_of(scene, get, made, reference, kernel, bonds, sim):
+def crack_of(scene, get, made, reference, kernel, bonds, sim, carried=None):
     """What follows the crack, where [twin] says along which direction it runs."""
     if get("crack_direction") is None:
         if get("crack_normal") is not None:
@@ -161,7 +168,7 @@ def crack_of(scene, get, made, reference, kernel, bonds, sim):
             "the crack's plane"
         )
     along, normal = (unit_vector(get(k), k) for k in ("crack_direction", "crack_normal"))
-    return Crack(made, reference, kernel, bonds, sim, along, normal)
+    return Crack(made, reference, kernel, bonds, sim, along, normal, orientation(scene), carried)
 
 
 def add_crack(data, units, times, found) -> None:
@@ -187,7 +194,7 @@ def add_crack(data, units, times, found) -> None:
                 "crack_area",
                 area / units.length ** (units.dimension - 1),
                 f"{length}{across}",
-                "bonds lost over those of a straight cut per area",
+                "cracked area: that of a straight cut that loses as many bonds",
             ),
         ):
             data[f"{side}_{name}"] = ("frame", values, {"units": unit, "long_name": f"{what}, {side.upper()}"})

@@ -124,6 +124,9 @@ class Isotropic(TwinMaterial):
             + ("easily" if own < s.stress else "late")
             + " in the twin, long sharp "
             "cracks do not notice",
+            "fracture: a crystal holds a sharp crack beyond Griffith's load, its lattice traps it, bond by bond; nodes "
+            "do so less, or otherwise: MD may start later than the twin. fracture_energy sets another Gc; material = "
+            '"smoothed" with nodes = "atoms" has the lattice\'s own trapping',
         ]
 
     @property

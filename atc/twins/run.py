@@ -217,13 +217,16 @@ def _twin(scene, tell, progress) -> Twin:
         frames,
         script.lines,
         get("reference_stress"),
+        get("fracture"),
     )
     for line in lines:
         if tell is not None:
             tell(line)
 
-    bonds = None if material.damage is None else NearestBonds(reference, crystal, made.body.notches)
-    crack = crack_of(scene, get, made, reference, kernel, bonds, sim)
+    bonds = NearestBonds(reference, crystal, made.body.notches) if get("fracture") else None
+    # Nodes that carry atoms lose what bonds these lose.
+    carried = (lambda: material.frame(sim)[0]) if hasattr(material, "frame") else None
+    crack = crack_of(scene, get, made, reference, kernel, bonds, sim, carried)
     md_damage, pd_damage, broken, tips, spent = [], [], [], [], []
     indenting, md_push, pd_push = indenters(script.forces), [], []
     md_nodes = [smoothed_displacement(f, reference, made.smoothing, made.body.X_nc) for f in frames]
@@ -253,9 +256,10 @@ def _twin(scene, tell, progress) -> Twin:
             found[-1]["virial_stress_potential"].values += at_rest["virial_stress_potential"].values
         if bonds is not None:
             points = grid.bind(u, frames[k].cell).points_gc
-            lost = bonds.lost(frames[k]), sim.damage()
+            mine = carried() if carried else _nodes(sim, u)
+            lost = bonds.lost(frames[k]), bonds.lost(mine) if carried else sim.damage()
             md_damage.append(on_grid(frames[k], kernel, points, lost[0]))
-            pd_damage.append(on_grid(_nodes(sim, u), kernel, points, lost[1]))
+            pd_damage.append(on_grid(mine, kernel, points, lost[1]))
             broken.append([d.mean() for d in lost])
             spent.append(sim.energies().dissipated_fracture)
         if crack is not None:
@@ -267,9 +271,10 @@ def _twin(scene, tell, progress) -> Twin:
     cohesion = evaluate(law, crystal.frame())[0] / crystal.masses.sum()
     without_cohesion(data, ("md", "pd") if hasattr(material, "frame") else ("md",), u, cohesion)
     if bonds is not None:
-        add_damage(data, md_damage, pd_damage, broken)
-        attrs = {"units": u.label("energy"), "long_name": "energy that went with broken bonds, PD"}
-        data["pd_dissipated_energy"] = ("frame", u.to_user("energy", np.array(spent)), attrs)
+        add_damage(data, md_damage, pd_damage, broken, carried is not None)
+        if not carried:
+            attrs = {"units": u.label("energy"), "long_name": "energy that went with broken bonds, PD"}
+            data["pd_dissipated_energy"] = ("frame", u.to_user("energy", np.array(spent)), attrs)
         names.append("damage")
     said = list(material.after(sim))
     if crack is not None:
@@ -454,7 +459,9 @@ def _nodes(sim, units):
     return Frame(sim.positions_nc, sim.cell, units, masses=sim.mass_n)
 
 
-def _lines(units, reference, pot, made, material, held, motion, safety, sim, frames, script, added) -> list[str]:
+def _lines(
+    units, reference, pot, made, material, held, motion, safety, sim, frames, script, added, breaks
+) -> list[str]:
     """What the twin is, before it runs."""
     p = lambda what, v: f"{units.to_user(what, v):.5g} {units.label(what)}"  # noqa: E731
     body = made.body
@@ -490,7 +497,7 @@ def _lines(units, reference, pot, made, material, held, motion, safety, sim, fra
     lines.append(
         "left out: "
         + ("" if material.temperature else "temperature (kinetic stress, expansion, softening), ")
-        + ("" if material.damage is not None else "fracture, ")
+        + ("" if breaks else "fracture, ")
         + ("what surface stress does beside adding to it" if added else "surface stress")
     )
     size = np.abs(stress).max() / material.bulk

@@ -52,6 +52,28 @@ def test_fracture_is_for_moving_isotropic_twins(tmp_path):
     for settings, words in (
         ({"motion": "static"}, "bonds break in dynamic twins only"),
         ({"material": "cauchy-born"}, 'only the bonds of material = "isotropic" break'),
+        ({"material": "smoothed", "motion": "static"}, "bonds break in dynamic twins only"),
+        ({"material": "smoothed", "fracture_energy": 1.0}, "parts as the potential has it"),
     ):
         with pytest.raises(AtcError, match=words):
             atc.twin(scene(tmp_path / "run.dump", frames, fracture=True, **settings))
+
+
+def test_atoms_that_are_carried_part_as_the_potential_has_it(tmp_path):
+    """With a node at every atom the twin loses the bonds that the atoms would: those of a block torn in two, on the
+    same measure as the MD's; and the line on what is left out does not name fracture."""
+    a = np.linalg.norm(crystal("argon").conventional[0])
+    pull = lambda d: lambda X: np.where(X[:, :1] > 2.4 * a, [d, 0.0, 0.0], 0.0)  # noqa: E731
+    frames = [block(), *(block(u=pull(d), time=500.0 * k) for k, d in enumerate((0.0, 1.5, 3.0, 4.5)))]
+    boxes = [[[-9, -9, -9], [2.4 * a, 99, 99]], [[2.4 * a, -9, -9], [99, 99, 99]]]
+    more = {"crack_direction": [0, 1, 0], "crack_normal": [1, 0, 0], "material": "smoothed", "nodes": "atoms"}
+    found = twin_of(tmp_path / "run.dump", frames, grips=boxes, fracture=True, **more)
+    ds = found.dataset
+    area = ds["pd_crack_area"].values
+    # All atoms are held where the run has them, so that both lose the same bonds: those of one plane.
+    assert area == pytest.approx(ds["md_crack_area"].values, rel=1e-9)
+    assert area[0] == 0.0 and area[-1] == pytest.approx((5 * a) ** 2, rel=1e-6)
+    assert ds["pd_damage_of_body"].values == pytest.approx(ds["md_damage_of_body"].values, rel=1e-9)
+    assert "pd_dissipated_energy" not in ds
+    assert "nearest-neighbour" in ds["pd_damage"].attrs["long_name"]
+    assert not any(line.startswith("left out") and "fracture" in line for line in found.lines)
