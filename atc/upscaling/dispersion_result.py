@@ -124,7 +124,11 @@ class Dispersion:
                 out += [("elastic constants", f"{rows[0]}  {name}"), *(("", row) for row in rows[1:])]
         for ray in self.rays:
             if ray.lattice_km is not None:
-                ends = ", ".join(f"{x:.6g}" if x >= 0 else f"{-x:.6g}i" for x in factor * ray.lattice_km[-1])
+                # At Γ what rounding leaves of 0 is no imaginary frequency.
+                shown = np.where(
+                    np.abs(ray.lattice_km[-1]) < 1e-6 * np.abs(ray.lattice_km).max(), 0.0, ray.lattice_km[-1]
+                )
+                ends = ", ".join(f"{x:.6g}" if x >= 0 else f"{-x:.6g}i" for x in factor * shown)
                 out.append((f"{ray.label} boundary" if ray.ends is None else ray.ends[1], f"{ends} {unit}"))
         if self.phonopy_difference is not None:
             out.append(("phonopy", f"agrees to {factor * self.phonopy_difference:.1e} {unit}"))
@@ -162,7 +166,7 @@ class Dispersion:
             harmonic = self.fc.frequencies(r.k_kc) if self.fc is not None else np.full(r.ratio_km.shape, np.nan)
             for p in range(len(r.k_kc)):
                 for m in range(r.ratio_km.shape[1]):
-                    place = f"{self.rays[r.ray_k[p]].label} {r.fraction_k[p]:.4g}" if m == 0 else ""
+                    place = f"{self.rays[r.ray_k[p]].label} {round(r.fraction_k[p], 9) + 0.0:.4g}" if m == 0 else ""
                     lines.append(
                         f"  {place:<14}{_number(factor * harmonic[p, m]):>10}"
                         f"{_pm(factor * r.ratio_km[p, m], factor * r.ratio_error_km[p, m]):>20}"
@@ -203,7 +207,7 @@ class Dispersion:
         ]
         for p, row in enumerate(r.lines_km):
             for m, x in enumerate(row):
-                place = f"{self.rays[r.ray_k[p]].label} {r.fraction_k[p]:.4g}" if m == 0 else ""
+                place = f"{self.rays[r.ray_k[p]].label} {round(r.fraction_k[p], 9) + 0.0:.4g}" if m == 0 else ""
                 life = time.to_user("time", 1.0 / x.gamma)
                 out.append(
                     f"  {place:<14}{_pm(factor * x.omega, factor * x.omega_error):>20}"
