@@ -232,6 +232,10 @@ def test_a_scene_with_a_path(tmp_path, monkeypatch):
         # At 1 K, S(q) at small q is kT over the stiffness of longitudinal waves, far below 1.
         assert 0 < float(ds["structure_Sq"].min()) < 0.01
     assert (tmp_path / "p.png").stat().st_size > 30000 and (tmp_path / "files" / "band.yaml").exists()
+    # Rounding at Γ is no imaginary frequency, and the beginning of a piece is not at -0.
+    words = run(DATA / "argon_crystal" / "scene.toml", "--set", 'dispersion.path="W-K-Γ"',
+                "--set", 'dispersion.models=["classical"]').output  # fmt: skip
+    assert "0, 0, 0 THz" in words and "0i" not in words.split("measured")[0] and "–K -0" not in words
     done = run(DATA / "argon_crystal" / "scene.toml", "--set", 'dispersion.path="Γ-Q"')
     assert done.exit_code != 0
     with open("scene.toml", "w") as f:
