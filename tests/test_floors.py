@@ -15,21 +15,22 @@ ROOT = Path(atc.__file__).parent
 #: From the ground up. A name is a room, or one file where that stands on another floor than its room.
 FLOORS = [
     {"errors", "terminal"},
-    {"contracts", "units", "unit_words", "compiled", "running.sealed"},
+    {"contracts", "units", "compiled", "running.sealed"},
     {"frame", "simd"},
-    {"padding"},
     {"bonds", "grids", "planar"},
     {"kernels", "neighbors", "config.words"},
     {"config.toml", "config.formula"},
     {"readers", "deposit"},
     # Of the decomposers first what several kinds of potentials need, then these, then what reads whole models.
     {"decomposers.images", "decomposers.atom_columns", "decomposers.autodiff", "decomposers.long_range.split"}
+    | {"decomposers.numbering"}
     | {"decomposers.bonded.unsupported", "decomposers.many_body.neighborhood", "decomposers.many_body.parameter_file"},
-    {"decomposers.constraints", "decomposers.recording", "decomposers.pairs.unsupported"},
+    {"decomposers.constraints", "decomposers.recording", "decomposers.pairs.unsupported", "decomposers.table_file"}
+    | {"decomposers.many_body.stillinger_weber_kernels"},
     {"decomposers.base", "decomposers.outside"},
-    {"decomposers.registry"},
-    {"decomposers.bonded.topology", "decomposers.many_body.elements"},
+    {"decomposers.registry", "decomposers.many_body.neighbor_work"},
     {"decomposers.bonded.cluster"},
+    {"decomposers.bonded.topology", "decomposers.many_body.elements"},
     {"decomposers.pairs", "decomposers.many_body"},
     {"decomposers.lepton", "decomposers.long_range", "decomposers.learned"},
     {"decomposers.bonded", "decomposers.pairs.lj_long"},

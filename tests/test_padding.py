@@ -11,7 +11,7 @@ import atc
 from atc.errors import AtcError, AtcWarning
 from atc.frame import Cell
 from atc.grids import Grid
-from atc.padding import beyond
+from atc.grids.padding import beyond
 
 KERNEL = atc.kernel("quartic", 6.0)
 
@@ -128,7 +128,7 @@ def test_padding_is_not_added_where_no_atom_is_near():
     frame = wire()
     wide = Cell(frame.cell.vectors * np.array([9, 9, 1])[:, None], frame.cell.origin - 4 * frame.cell.vectors[:2].sum(0),
                 frame.cell.periodic)  # fmt: skip
-    from atc.padding import resolved
+    from atc.grids.padding import resolved
 
     assert resolved(Grid.slab("x", 4, padding="auto"), KERNEL, frame)._["padding"] == KERNEL.support
     assert resolved(Grid.slab("x", 4, padding="auto"), KERNEL, frame.replace(cell=wide))._["padding"] == 0.0

@@ -7,8 +7,8 @@ from frames import argon
 import atc
 from atc.config.scene import Scene
 from atc.errors import AtcError
-from atc.unit_words import PRESETS, NotAUnit, converted, in_units, unit_of, wanted_units
 from atc.units import LAMMPS_STYLES, units
+from atc.units.words import PRESETS, NotAUnit, converted, in_units, unit_of, wanted_units
 
 
 @pytest.mark.parametrize(

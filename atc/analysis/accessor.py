@@ -154,7 +154,7 @@ class DatasetAccessor(_Scalars):
 
     def in_units(self, units: str):
         """The dataset in other units where one of them is of a variable's dimension: ``"GPa, nm"``, or a preset."""
-        from ..unit_words import in_units
+        from ..units.words import in_units
 
         return in_units(self._ds, units)
 

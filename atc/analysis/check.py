@@ -17,7 +17,7 @@ from ..errors import AtcError
 from ..estimators import balance as law
 from ..estimators.accuracy import balance_limits as limits
 from ..estimators.accuracy.random_points import kernel_internal
-from ..padding import resolved
+from ..grids.padding import resolved
 from ..readers.memory import completed
 from ..readers.planar import matched
 from .check_report import EXACT, Findings, Frames, Outcome, Report, number, relative, report

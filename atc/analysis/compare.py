@@ -26,7 +26,7 @@ from ..pictures.drawing import kernel_title, require_frame, save
 from ..pictures.geometry import points_of_grid
 from ..running.output import load, of_species
 from ..terminal import tell
-from ..unit_words import NotAUnit, in_units, unit_of
+from ..units.words import NotAUnit, in_units, unit_of
 
 SIX = ("xx", "yy", "zz", "xy", "xz", "yz")
 SHOWN = (*SIX, "hydrostatic", "vonmises")

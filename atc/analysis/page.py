@@ -21,7 +21,7 @@ from ..pictures.plotting import plot
 from ..pictures.symbols import symbol
 from ..running.output import load, of_species
 from ..running.whole import replacing
-from ..unit_words import in_units
+from ..units.words import in_units
 from .compare import ACCURACY, compare
 from .html import document, facts, figure_of, scene_of, table, warned_of
 

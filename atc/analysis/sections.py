@@ -12,8 +12,8 @@ import numpy as np
 
 from ..errors import AtcError
 from ..pictures.geometry import grid_dims, points_of_grid
-from ..unit_words import NotAUnit, unit_of
 from ..units import units
+from ..units.words import NotAUnit, unit_of
 
 #: Kinds of grids whose values are averages over the whole cross-section of the cell.
 WHOLE = ("slab", "planes")

@@ -183,7 +183,7 @@ def _atom_style(v):
 
 def _output_units(v):
     from ..errors import AtcError
-    from ..unit_words import wanted_units
+    from ..units.words import wanted_units
 
     try:
         wanted_units(_string(v))

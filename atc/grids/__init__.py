@@ -588,7 +588,7 @@ class Grid:
             return cell
         if isinstance(padding, str):
             raise AtcError('grid padding = "auto" is the reach of a kernel: give a length where there is none')
-        from ..padding import extended, open_axes
+        from .padding import extended, open_axes
 
         return extended(cell, open_axes(self.kind, self._.get("axis"), cell), padding * factor)
 

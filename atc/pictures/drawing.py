@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..running.whole import replacing
-from ..unit_words import converted, wanted_units
+from ..units.words import converted, wanted_units
 from .geometry import unit_text
 from .symbols import label
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..running.output import load, of_species
-from ..unit_words import converted, in_units, unit_of
+from ..units.words import converted, in_units, unit_of
 from . import components
 from .against_time import time_figure
 from .components import TENSOR

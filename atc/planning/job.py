@@ -45,7 +45,7 @@ def prepare(request: Request | Job) -> Job:
     """Read what the request names, complete it and choose the methods; a job is ready. What does not fit together is an
     AtcError."""
     from ..estimators.accuracy.random_points import kernel_internal
-    from ..padding import resolved, warn_of_open_faces
+    from ..grids.padding import resolved, warn_of_open_faces
     from ..planar import planar
     from ..readers.memory import since_the_frame_before
     from ..readers.planar import matched

@@ -52,7 +52,7 @@ class Request:
     def __post_init__(self):
         from ..agreement.forces import MODES
         from ..estimators.selections import BONDS, BY, selection
-        from ..unit_words import wanted_units
+        from ..units.words import wanted_units
         from .method_choice import require_known
 
         for name, value, method, hint in (

@@ -20,7 +20,7 @@ def sanity(job: Job) -> None:
     if work.grid_users and through_planes(job.request.grid):
         Path.of(frame, job.request.grid, job.request.pot, work)  # the time over which passages are counted is known
     if job.request.output_units is not None:
-        from ..unit_words import require_used, wanted_units
+        from ..units.words import require_used, wanted_units
 
         given = job.request.output_units
         have = [u.label(q.dimension) for q in work.quantities] + [u.label("length"), u.label("time")]

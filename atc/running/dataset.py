@@ -191,7 +191,7 @@ def in_output_units(layout: Layout, given) -> tuple[Layout, dict[str, float]]:
     ------
     AtcError where no variable has the dimension of one of them.
     """
-    from ..unit_words import converted, require_used, wanted_units
+    from ..units.words import converted, require_used, wanted_units
 
     wanted, factors, variables = wanted_units(given), {}, []
     require_used(wanted, [v.attrs.get("units", "") for v in layout.variables], str(given))

@@ -7,8 +7,8 @@ from frames import argon
 
 import atc
 from atc.errors import AtcError
-from atc.unit_words import in_units
 from atc.units import units
+from atc.units.words import in_units
 
 LJ = "pair_style lj/cut 5.0\npair_coeff * * 0.0104 3.4"
 

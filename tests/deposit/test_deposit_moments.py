@@ -16,7 +16,7 @@ from atc.neighbors.cell_list import neighbor_list
 from atc.plan import Request, plan, prepare
 from atc.planning.calibrate import argon
 from atc.planning.costs import Costs
-from atc.planning.method_choice import cheapest
+from atc.planning.method_choice import SpectralWays
 from atc.units import units
 
 METAL = units("metal")
@@ -326,14 +326,14 @@ def test_wide_kernels_choose_moments_and_short_ones_do_not(shipped):
     orders = {}
     for radius in (6.0, 20.0, 30.0):
         for tolerance in (1e-3, 1e-5):
-            _, d = cheapest(
-                Costs(), bound, atc.kernel("gaussian", radius), cell, 8.5e6, 6.4, 6, tolerance, carried=256e3
-            )
-            orders[radius, tolerance] = d.order
+            kern = atc.kernel("gaussian", radius)
+            ways = SpectralWays(Costs(), bound, kern, cell, 8.5e6, 6.4, 6, carried=256e3)
+            orders[radius, tolerance] = ways.deposit(tolerance).order
     assert orders[6.0, 1e-5] is None
     assert orders[20.0, 1e-5] >= orders[20.0, 1e-3] >= 1 and orders[20.0, 1e-5] >= orders[30.0, 1e-5] >= 1
     # Only where there are atoms to carry them.
-    assert cheapest(Costs(), bound, atc.kernel("gaussian", 30.0), cell, 8.5e6, 6.4, 6, 1e-5)[1].order is None
+    ways = SpectralWays(Costs(), bound, atc.kernel("gaussian", 30.0), cell, 8.5e6, 6.4, 6)
+    assert ways.deposit(1e-5).order is None
 
 
 def test_a_tighter_rung_has_its_own_order():

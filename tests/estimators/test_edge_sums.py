@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from atc.bonds import Bonds
-from atc.estimators.sources import AtomSums, bond_factors
+from atc.estimators.sources import AtomSums, BondFactors
 from atc.estimators.sums import Sums
 
 
@@ -30,9 +30,7 @@ def edges(rng, n=7, b=40):
 def made():
     bonds, r, g = edges(np.random.default_rng(4))
     beta = np.random.default_rng(5).random((3, len(bonds)))
-    v = np.zeros((7, 3))
-    names = {"moment": 9, "sources": 9}
-    total = beta @ bond_factors(list(names), list(names.values()), bonds, v, v)
+    total = beta @ BondFactors(["moment", "sources"], Atoms(7), 0.0).of(bonds)
     return Sums(bond={"moment": total[:, :9], "sources": total[:, 9:]}), np.einsum("gb,bm,bn->gmn", beta, r, g), bonds
 
 

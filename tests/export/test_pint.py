@@ -5,8 +5,8 @@ import pytest
 from frames import argon
 
 import atc
-from atc.unit_words import unit_of
 from atc.units import LAMMPS_STYLES, units
+from atc.units.words import unit_of
 
 pytestmark = pytest.mark.tools
 

@@ -10,8 +10,8 @@ import warnings
 
 import numpy as np
 
-from .errors import AtcError, AtcWarning
-from .frame import Cell
+from ..errors import AtcError, AtcWarning
+from ..frame import Cell
 
 #: A share of the mass beyond the grid that deserves a warning.
 WORTH_A_WARNING = 0.01

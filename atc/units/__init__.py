@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import sqrt
 
-from .errors import AtcError
+from ..errors import AtcError
 
 # CODATA 2018; exact by definition of the SI except the atomic mass and the Bohr radius.
 _E_CHARGE = 1.602176634e-19  # C, and J per eV

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 
-from .errors import AtcError
+from ..errors import AtcError
 
 _E, _NA, _AMU = 1.602176634e-19, 6.02214076e23, 1.66053906660e-27
 _M, _KG, _S, _K, _C = ((0,) * k + (1,) + (0,) * (4 - k) for k in range(5))
@@ -213,7 +213,8 @@ def in_units(ds, given):
         return ds
     wanted = wanted_units(given)
     require_used(wanted, [v.attrs.get("units", "") for v in ds.variables.values()], str(given))
-    data, coords = {}, {}
+    data: dict = {}
+    coords: dict = {}
     for name, v in ds.variables.items():
         factor, text = converted(str(v.attrs.get("units", "")), wanted)
         if factor == 1.0 and text == v.attrs.get("units", ""):
