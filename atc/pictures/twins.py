@@ -45,7 +45,6 @@ def over_line(data, title, components=None, frames=None, limits=None):
     """Figure of a line grid: both sides at some frames, by default the first, the middle and the last, one row for each
     component, by default the displacement and the stress that vary most over time. limits : largest |value| of each
     row; default: that of all frames"""
-
     place = points_of_grid(data, data["md_density"].isel(frame=0))
     if place.kind != "line":
         raise AtcError(f"a picture along a line needs a line grid, this is one of kind {place.kind}")
@@ -131,7 +130,6 @@ def _kind(data) -> str:
 
 def movie(data, path, title, components=None, rate: float = 5.0) -> Path:
     """The same frame by frame as a movie (.gif, .mp4), `rate` frames a second, with the same colours in all of them."""
-
     frames = range(data.sizes["frame"])
     if _kind(data) == "line":
         return write_movie(path, (over_line(data, title, components, [k]) for k in frames), rate)
@@ -154,7 +152,6 @@ def _largest(data, name, index) -> tuple[float, float]:
 def drawn(data, title, components=None, limits=None, frames=()):
     """The figure of `picture`. limits : of the colours, (both sides, difference) of each component; default: their
     own. frames : those to draw, one row for each and each component; none: the means over all"""
-
     components = components or components_of(data)
     place = points_of_grid(data, data["md_density"].isel(frame=0))
     if place.kind not in ("volume", "plane"):

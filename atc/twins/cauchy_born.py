@@ -86,9 +86,6 @@ def cauchy_born(crystal, model, axes, step_cc, horizon, temperature=None, influe
     weighted = partial(pd.Hyperelastic, **({} if influence is None else {"influence": influence}))
     # The nodes' sums are those of any law: they are tried with the one that is at rest.
     law = CrystalLaw(exact, StrainEnergy.fitted(exact), axes)
-    sampled, wanted = (
-        sampled_constants(weighted(law), step_cc, horizon, crystal.density),
-        law.moduli_vv,
-    )
+    sampled, wanted = sampled_constants(weighted(law), step_cc, horizon, crystal.density), law.moduli_vv
     law = CrystalLaw(exact, law.quick, axes, None if temperature is None else vibrational(exact, model, temperature))
     return CauchyBornTwin(weighted(law), law, *hill(law.moduli_vv), sampled, wanted, temperature)

@@ -48,7 +48,7 @@ def fields_of_nodes(sim, material, units, kern, grid, names, atoms):
     """Fields of the twin's present state, by the code that makes those of the atoms."""
     from .. import fields, pd
 
-    if hasattr(material, "frame"):  # nodes that carry atoms
+    if material.carries_atoms:
         frame, pot = material.frame(sim)
         found = fields(
             [frame],

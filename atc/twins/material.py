@@ -20,9 +20,11 @@ class TwinMaterial:
     sampled_vv, wanted_vv : (6, 6) elastic constants of the nodes, and those that the material means to have
     crystal_vv : those of the crystal along the body's axes
     damage : what breaks bonds. temperature : the one that it knows. None where it has none.
+    carries_atoms : whether nodes carry atoms along; `frame(simulation)` then gives these, and their potential
     """
 
     sampled_vv = wanted_vv = crystal_vv = damage = temperature = None
+    carries_atoms = False
 
     @property
     def error(self) -> float:

@@ -225,7 +225,7 @@ def _twin(scene, tell, progress) -> Twin:
 
     bonds = NearestBonds(reference, crystal, made.body.notches) if get("fracture") else None
     # Nodes that carry atoms lose what bonds these lose.
-    carried = (lambda: material.frame(sim)[0]) if hasattr(material, "frame") else None
+    carried = (lambda: material.frame(sim)[0]) if material.carries_atoms else None
     crack = crack_of(scene, get, made, reference, kernel, bonds, sim, carried)
     md_damage, pd_damage, broken, tips, spent = [], [], [], [], []
     indenting, md_push, pd_push = indenters(script.forces), [], []
@@ -269,7 +269,7 @@ def _twin(scene, tell, progress) -> Twin:
     md = fields_of_atoms(scene, run, frames, pot, kern, grid, names, reference)
     data = dataset_of(md, found, names)
     cohesion = evaluate(law, crystal.frame())[0] / crystal.masses.sum()
-    without_cohesion(data, ("md", "pd") if hasattr(material, "frame") else ("md",), u, cohesion)
+    without_cohesion(data, ("md", "pd") if material.carries_atoms else ("md",), u, cohesion)
     if bonds is not None:
         add_damage(data, md_damage, pd_damage, broken, carried is not None)
         if not carried:

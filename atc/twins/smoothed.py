@@ -229,6 +229,8 @@ class SmoothedTwin(TwinMaterial):
     material : Smoothed. C : ElasticConstants. bulk, shear : Hill averages
     """
 
+    carries_atoms = True
+
     material: Smoothed
     C: object
     bulk: float
