@@ -8,7 +8,7 @@ The public calls are loaded when first used, so that ``import atc`` stays instan
 
 from __future__ import annotations
 
-__version__ = "0.10.0"
+__version__ = "0.10.1"
 
 _LAZY = {
     "read": "atc.readers",
