@@ -12,7 +12,7 @@ from atc.frame import Cell, Frame
 
 KEPT = {
     contracts.FrameSource: ["readers.trajectory:Trajectory"],
-    contracts.Interactions: ["decomposers.base:Potential", "pd.fields:SnapshotBonds"],
+    contracts.Interactions: ["decomposers.potentials:Potential", "pd.fields:SnapshotBonds"],
     contracts.Kernel: ["kernels.base:Kernel"],
     contracts.Grid: ["grids:Grid"],
     contracts.BoundGrid: ["grids:BoundGrid"],

@@ -23,12 +23,12 @@ FLOORS = [
     {"readers", "deposit"},
     # Of the decomposers first what several kinds of potentials need, then these, then what reads whole models.
     {"decomposers.images", "decomposers.atom_columns", "decomposers.autodiff", "decomposers.long_range.split"}
-    | {"decomposers.numbering"}
+    | {"decomposers.numbering", "decomposers.bond_sums"}
     | {"decomposers.bonded.unsupported", "decomposers.many_body.neighborhood", "decomposers.many_body.parameter_file"},
     {"decomposers.constraints", "decomposers.recording", "decomposers.pairs.unsupported", "decomposers.table_file"}
     | {"decomposers.many_body.stillinger_weber_kernels"},
     {"decomposers.base", "decomposers.outside"},
-    {"decomposers.registry", "decomposers.many_body.neighbor_work"},
+    {"decomposers.potentials", "decomposers.registry", "decomposers.many_body.neighbor_work"},
     {"decomposers.bonded.cluster"},
     {"decomposers.bonded.topology", "decomposers.many_body.elements"},
     {"decomposers.pairs", "decomposers.many_body"},

@@ -103,7 +103,7 @@ def _percent(share: float) -> str:
 
 def follows_from(pot) -> bool:
     """Whether this is a potential whose forces can be set beside a run's (bodies of peridynamics are not)."""
-    from ..decomposers.base import Potential
+    from ..decomposers.potentials import Potential
 
     return isinstance(pot, Potential)
 

@@ -81,7 +81,8 @@ _STYLES = {
 }
 #: Likewise what stands elsewhere.
 _OTHERS = {
-    "base": "Potential Decomposition Term",
+    "base": "Decomposition Term",
+    "potentials": "Potential",
     "pairs.pairs": "Pairs PairStyle",
     "long_range.ewald": "LongRangeCoulomb",
     "pairs.generic": "Generic",
@@ -186,8 +187,9 @@ def _made(source, units, special_bonds, folder, name, run, trajectory, openmm):
     from pathlib import Path
 
     from ..errors import AtcError
-    from .base import Potential, Term
+    from .base import Term
     from .pairs.pairs import Pairs, PairStyle
+    from .potentials import Potential
 
     if isinstance(source, Potential):
         return source

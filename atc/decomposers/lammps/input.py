@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import AtcError
 from ...units import LAMMPS_STYLES, Units, units
-from ..base import Potential, Term, Wrapper
+from ..base import Term, Wrapper
 from ..constraints.virtual_sites import VirtualSites
 from ..outside import OutsideForces
 from ..pairs.exclusions import Exclusions, exclusions_of
@@ -22,6 +22,7 @@ from ..pairs.pairs import MAX_TYPES, Pairs, PairStyle
 from ..pairs.special_bonds import SpecialBonds
 from ..pairs.tip4p import TIP4P, SitePairs, rest
 from ..pairs.zero import Nothing
+from ..potentials import Potential
 from ..registry import (
     MAPPED_STYLES,
     STYLES,

@@ -16,9 +16,10 @@ from ...bonds import Bonds
 from ...errors import AtcError, AtcWarning
 from ...frame import Frame
 from ...units import units as get_units
-from ..base import Accumulator, Potential, Term, Work
+from ..base import Accumulator, Term, Work
 from ..many_body.elements import ElementMap
 from ..many_body.neighborhood import Neighborhood
+from ..potentials import Potential
 from .graph import Edges, Part, Place
 from .guards import COMPARE_EVERY, GUARD, against_own, identity, symmetric
 

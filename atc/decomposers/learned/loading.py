@@ -95,7 +95,7 @@ def own_copy(model, precision: str, device):
 
 def potential_of(term, maker: str, model, **options):
     """The potential of one term, with how it was made if it is of a file: `options` as scenes have them."""
-    from ..base import Potential
+    from ..potentials import Potential
 
     pot = Potential([term], "metal")
     pot.learned = (maker, Path(model).name, options) if isinstance(model, (str, Path)) else None

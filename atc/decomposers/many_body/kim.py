@@ -12,7 +12,8 @@ from ...bonds import Bonds
 from ...errors import AtcError
 from ...frame import Cell, Frame
 from ...units import units as system
-from ..base import Potential, Term, Work
+from ..base import Term, Work
+from ..potentials import Potential
 from .elements import ElementMap
 from .kim_api import Model
 from .neighborhood import Neighborhood

@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import AtcError, located
 from ...frame import Frame
 from ...units import units as system
-from ..base import Potential
+from ..potentials import Potential
 from ..registry import pair_style
 from .edges import Edges
 from .elements import SYMBOLS, ElementMap, mapped_line

@@ -23,7 +23,7 @@ from ...errors import AtcError
 from ...frame import Frame
 from ...units import Units
 from ...units import units as system
-from ..base import two_body_sources
+from ..bond_sums import two_body_sources
 from ..registry import pair_style
 from .elements import mapped_line
 from .entries import OfTriplets

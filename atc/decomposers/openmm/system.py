@@ -6,9 +6,9 @@ import numpy as np
 
 from ...errors import AtcError
 from ...units import units
-from ..base import Potential
 from ..constraints.held import Constraints
 from ..constraints.virtual_sites import VirtualSites
+from ..potentials import Potential
 from .atoms import Particles, SystemConstraints
 from .bonded import BONDED, global_parameters
 from .formulas import _number
