@@ -15,7 +15,7 @@ import nep_oracle
 import pytest
 
 from atc.config.scene import Scene
-from atc.decomposers.lammps.input import STYLES
+from atc.decomposers.registry import STYLES
 from atc.errors import AtcError, AtcWarning
 
 SEED = int(os.environ.get("ATC_SEED", "1"))

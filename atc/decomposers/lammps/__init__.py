@@ -3,8 +3,12 @@
 script      words, quotes, continued lines
 variables   ``variable``, ``${x}``, ``$(formula)``
 commands    every command of LAMMPS and what it means to the forces of a frame
-input       styles and coefficients become the terms of a `Potential`
+interpreter which commands LAMMPS gets to before each of its runs
+model       what they say of the model: styles with their coefficient lines
 data_coeffs coefficients in data files
+assemble    styles and coefficients become the terms of a `Potential`; pair_terms those of the pair style
+setup       what the script says of the atoms of a frame
+input       all of it: from the text to the `Potential`
 """
 
 from .input import potential_from_lammps

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import AtcError
 from ..registry import MAPPED_STYLES, PAIR_STYLES, CoeffLine, Modify, mapped_elements
+from .pair_modify import apply_modify
 from .unsupported import reason
 
 # Words that are arguments of a sub-style, not the name of the next one.
@@ -131,7 +132,7 @@ def _parse_subs(style, known) -> list[SubStyle]:
     return subs
 
 
-def parse_hybrid(style, lines: list[CoeffLine], apply_modify) -> Hybrid:
+def parse_hybrid(style, lines: list[CoeffLine]) -> Hybrid:
     """From the words behind ``pair_style hybrid[/overlay]``, the pair_coeff and the pair_modify lines."""
     subs = _parse_subs(style, PAIR_STYLES)
     order = []
