@@ -3,7 +3,8 @@
 script      words, quotes, continued lines
 variables   ``variable``, ``${x}``, ``$(formula)``
 commands    every command of LAMMPS and what it means to the forces of a frame
-interpreter which commands LAMMPS gets to before each of its runs
+interpreter which commands LAMMPS gets to before each of its runs; control those that say which line is next, unsure
+            lines that it may or may not get to, state what holds at a run
 model       what they say of the model: styles with their coefficient lines
 data_coeffs coefficients in data files
 assemble    styles and coefficients become the terms of a `Potential`; pair_terms those of the pair style

@@ -15,12 +15,13 @@ from ..registry import (
 )
 from .assemble import assemble
 from .constraint_fixes import constraints_of, groups_of, needs_molecules
-from .interpreter import Interpreter, State
+from .interpreter import Interpreter
 from .model import BONDED, Model, Style, gather, type_range
 from .outside_fixes import acting, outside_of
 from .runs import check_spins_push, choose_run, sort_fixes
 from .script import Command, is_text, one_line, read_text, short
 from .setup import Setup
+from .state import State
 
 __all__ = ["potential_from_lammps"]
 

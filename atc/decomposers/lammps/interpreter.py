@@ -7,7 +7,6 @@ Variables, conditions, loops and included files are followed as LAMMPS follows t
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,72 +14,17 @@ from ...errors import AtcError
 from ..atom_columns import named_columns
 from ..pairs.hybrid import strip_suffix
 from .commands import CLASSES, check_known
-from .conditions import holds
-from .fixes import class_of, classify
+from .control import Control, Quit
+from .fixes import classify
 from .script import Command, Line, logical_lines, read_text, split_words
+from .state import State
 from .variables import Unknown, Variables
 
-#: Commands that are executed before loops that change nothing are cut short, and before a script is given up.
-PATIENCE = 5000
+#: Commands that are executed before a script is given up.
 MOST = 50000
 _DEEPEST = 20
 #: Restart files whose models are kept in mind.
 _RESTARTS = 20
-#: Variables and output: what is not executed, or twice, does no harm.
-_IDLE = {"variable", "print", "label", "jump", "next", "quit", "log", "shell"}
-
-
-class State:
-    """What holds at a run (or at the end of a script without one): a point in the lists of executed commands, which
-    only grow.
-
-    fixes : those that are there. where : file and line of the run, for messages. name : the command that runs
-    timestep : the word of the last ``timestep`` line, None if there was none, "" where it is not known
-    """
-
-    def __init__(
-        self, model: list, atoms: list, fixes: tuple, where: str = "", name: str = "", timestep: str | None = None
-    ):
-        self._model, self._atoms, self.fixes = model, atoms, fixes
-        self.where, self.name, self.timestep = where, name, timestep
-        self._n_model, self._n_atoms = len(model), len(atoms)
-
-    @property
-    def model(self) -> tuple[Command, ...]:
-        """The commands of this class up to here, in order."""
-        return tuple(self._model[: self._n_model])
-
-    @property
-    def atoms(self) -> tuple[Command, ...]:
-        return tuple(self._atoms[: self._n_atoms])
-
-    @property
-    def key(self):
-        """The same for states that hold the same lines of model commands."""
-        return id(self._model), self._n_model, self.held
-
-    @property
-    def held(self) -> tuple[Command, ...]:
-        """The fixes that hold distances or bodies, which are part of the model."""
-        return tuple(c for c in self.fixes if class_of(c) == "constraint")
-
-    def said(self) -> list:
-        """The model without where its lines stand: of lines given twice the last, kind by kind; of data files also
-        which styles they gave coefficients to."""
-        out, styles = [], ()
-        for c in self.model:
-            styles = (*styles, c.name) if c.name.endswith("_style") and c.name not in styles else styles
-            out.append((c.name, c.words, tuple(sorted(styles)) if c.name == "read_data" else ()))
-        out += [("fix", c.words[1:], ()) for c in self.held]
-        return sorted(dict.fromkeys(reversed(out)), key=lambda c: c[0] if c[0] == "pair_modify" else c[0].split("_")[0])
-
-    def atoms_beyond(self, first: State) -> tuple[Command, ...]:
-        """The commands that concern atoms on top of those of an earlier state, all if they do not begin with these."""
-        if self._atoms is first._atoms:
-            return tuple(self._atoms[first._n_atoms : self._n_atoms])
-        a, b = ([c for c in s.atoms if c.name != "run"] for s in (first, self))
-        same = [(c.name, c.words) for c in b[: len(a)]] == [(c.name, c.words) for c in a]
-        return tuple(b[len(a) :] if same else b)
 
 
 @dataclass
@@ -98,11 +42,7 @@ class _File:
                 self.labels.setdefault(words[1], k)
 
 
-class _Quit(Exception):
-    pass
-
-
-class Interpreter:
+class Interpreter(Control):
     """Executes LAMMPS lines.
 
     Parameters
@@ -148,7 +88,7 @@ class Interpreter:
         """Execute a whole script."""
         try:
             self._file(_File(self.path, logical_lines(text, name)))
-        except _Quit:
+        except Quit:
             pass
         for file, first in self.dumps.values():
             self.written.append((file, first, None))
@@ -357,230 +297,3 @@ class Interpreter:
         for column, name in named_columns(words[1:]).items() if not why else ():
             # A name with two meanings has none.
             self.columns[column] = name if self.columns.get(column, name) == name else ""
-
-    # Control
-    # ------------------------------------------------------------------------------------------------------------------
-
-    def _variable(self, line, file, p):
-        head = line.text.split()
-        try:
-            words = split_words(self.variables.substitute(line.text), line.where)
-        except (Unknown, AtcError) as e:
-            if len(head) > 1:
-                self.variables.forget(head[1], str(e))
-            return
-        self.variables.define(words[1:])
-
-    def _next(self, line, file, p):
-        words, _ = self._known_words(line)
-        self._skip_jump = self.variables.step(words[1:]) or self._skip_jump
-
-    def _label(self, line, file, p):
-        pass
-
-    _print = _label
-
-    def _quit(self, line, file, p):
-        raise _Quit
-
-    def _shell(self, line, file, p):
-        words, why = self._known_words(line)
-        if words[1:2] == ["cd"]:
-            if why or len(words) != 3:
-                raise line.error(f"shell cd: {why or 'expected a folder'}")
-            self.folder = self._find(words[2])
-
-    def _python(self, line, file, p):
-        words, _ = self._known_words(line)
-        if "SELF" in words[2:]:
-            raise line.error(
-                f"python {words[1]} gets LAMMPS itself (SELF), so it may change anything: write the "
-                "lines of the model that holds"
-            )
-
-    def _partition(self, line, file, p):
-        words, _ = self._known_words(line)
-        self._harmless_or_refuse(" ".join(words[3:]), line.where, "is for some partitions only")
-
-    def _include(self, line, file, p):
-        words = self._words(line)
-        if len(words) < 2:
-            raise line.error("include needs a file name")
-        self._file(self._load(words[1], line.where))
-
-    def _jump(self, line, file, p):
-        if self._skip_jump:
-            self._skip_jump = False
-            return None
-        words = self._words(line)
-        if len(words) < 2:
-            raise line.error("jump needs a file name, or SELF")
-        target, at = self._target(words, line, file)
-        if target is file and at <= p and self._executed > PATIENCE:
-            span = file.lines[at : p + 1]
-            if self._changing(span) is None:
-                self._forget(span, f"is set in a loop that goes on for more than {PATIENCE} commands ({line.where})")
-                return None
-        return target, at
-
-    def _target(self, words, line, file):
-        name, label = words[1], words[2] if len(words) > 2 else None
-        own = file.path is not None and self._find(name).name == file.path.name and not self._is_other(name, file)
-        if name == "SELF" or own:
-            target = file
-        else:
-            path = self._find(name)
-            if not os.path.isfile(path):
-                raise line.error(f"jump to another file, {name}, which is not there (looked for {path})")
-            target = self._load(name, line.where)
-        if label is None:
-            return target, 0
-        if label not in target.labels:
-            raise line.error(f"jump to the label {label}, which is not there: add 'label {label}'")
-        return target, target.labels[label]
-
-    def _is_other(self, name, file) -> bool:
-        """Whether a file name of a jump means another file than the one that is executed."""
-        path = self._find(name)
-        try:
-            return path.exists() and not path.samefile(file.path)
-        except OSError:
-            return False
-
-    def _if(self, line, file, p):
-        words, branches = self._parse_if(line)
-        for condition, commands in branches:
-            try:
-                true = condition is None or holds(self.variables.substitute(condition))
-            except Unknown as e:
-                return self._uncertain(line, file, p, branches, str(e))
-            if true:
-                for one in _inner(commands, line):
-                    target = self._line(one, file, p)
-                    if target is not None:
-                        return target
-                return None
-        return None
-
-    def _parse_if(self, line):
-        """The words, and [(condition or None, commands), ...]."""
-        words, _ = self._known_words(line)
-        branches, k = [], 1
-        keyword = "if"
-        while k < len(words):
-            condition = None
-            if keyword != "else":
-                condition = words[k]
-                k += 1
-                if keyword == "if" and words[k : k + 1] != ["then"]:
-                    raise line.error(f"expected 'if <condition> then <command> ...', got {' '.join(words[:4])}")
-                k += keyword == "if"
-            commands = []
-            while k < len(words) and words[k] not in ("elif", "else"):
-                commands.append(words[k])
-                k += 1
-            branches.append((condition, commands))
-            keyword = words[k] if k < len(words) else ""
-            k += 1
-        if not branches:
-            raise line.error("expected 'if <condition> then <command> ...'")
-        return words, branches
-
-    # What may or may not be executed
-    # -----------------------------------------------------------------------------------------------------
-
-    def _uncertain(self, line, file, p, branches, why):
-        """A condition that is not known: nothing it decides on may matter."""
-        for _, commands in branches:
-            for one in _inner(commands, line):
-                self._maybe(one, file, p, why)
-
-    def _maybe(self, line: Line, file, p, why: str) -> None:
-        name = line.head
-        if name == "jump":
-            words, unknown = self._known_words(line)
-            if unknown:
-                raise line.error(f"{unknown}")
-            target, at = self._target(words, line, file)
-            if target is not file:
-                raise line.error(f"jump to another file depends on a condition that is not known: {why}")
-            span = file.lines[min(at, p + 1) : max(at, p + 1)]
-            self._executed += len(span)
-            found = self._changing(span)
-            if found is not None:
-                word = "repeats" if at <= p else "skips"
-                raise line.error(
-                    f"whether this jump {word} {found.head!r} ({found.where}) is not known: {why}: "
-                    "write the model without it"
-                )
-            self._forget(span, f"depends on a condition ({line.where})")
-            return
-        found = self._changing([line])
-        if found is not None and CLASSES.get(name, ("",))[0] == "atoms":
-            words = tuple(split_words(line.text, line.where)[1:])
-            self.atoms.append(Command(name, words, line.where, f"it depends on a condition: {why}"))
-        elif found is not None:
-            raise line.error(
-                f"{name!r} depends on a condition that is not known: {why}: write the line that holds without 'if'"
-            )
-        self._forget([line], f"depends on a condition ({line.where})")
-
-    def _harmless_or_refuse(self, text: str, where: str, why: str) -> None:
-        for line in logical_lines(text, where):
-            line = Line(line.text, where)
-            if self._changing([line]) is not None:
-                raise AtcError(
-                    f"{where}: {line.head!r} {why}, which is not supported: write the line that holds by itself"
-                )
-            self._forget([line], f"is set by a command that {why} ({where})")
-
-    def _changing(self, lines) -> Line | None:
-        """The first line that may change the model or the atoms."""
-        for line in lines:
-            name = line.head
-            kind = CLASSES.get(name, ("harmless",))[0]
-            if name in _IDLE or kind in ("harmless", "run"):
-                continue
-            if name == "neigh_modify" and "exclude" not in line.text and "include" not in line.text:
-                continue
-            if name == "if":
-                try:
-                    _, branches = self._parse_if(line)
-                except (AtcError, Unknown):
-                    return line
-                inner = [one for _, commands in branches for one in _inner(commands, line)]
-                if not any(i.head == "if" for i in inner) and self._changing(inner) is None:
-                    continue
-            if name == "fix":
-                words = line.text.split()
-                found = classify(strip_suffix(words[3]), words[4:]) if len(words) > 3 else None
-                if found is not None and found[0] in ("harmless", "outside"):
-                    continue
-            if name == "unfix":
-                words = line.text.split()
-                there = self.fixes.get(words[1]) if len(words) > 1 else None
-                if there is None or class_of(there) in ("harmless", "outside"):
-                    continue
-            return line
-        return None
-
-    def _forget(self, lines, why: str) -> None:
-        for line in lines:
-            words = line.text.split()
-            if words[0] == "variable" and len(words) > 1:
-                self.variables.forget(words[1], f"variable {words[1]} {why}")
-            elif words[0] == "next":
-                for v in words[1:]:
-                    self.variables.forget(v, f"variable {v} {why}")
-            elif words[0] == "if" and "variable" in words:
-                try:
-                    _, branches = self._parse_if(line)
-                except (AtcError, Unknown):
-                    continue
-                for _, commands in branches:
-                    self._forget([one for one in _inner(commands, line) if one.head != "if"], why)
-
-
-def _inner(commands, line: Line) -> list[Line]:
-    """The lines of commands that stand in another line."""
-    return [Line(one.text, line.where) for text in commands for one in logical_lines(text, line.where)]

@@ -15,8 +15,8 @@ from ..pairs.hybrid import strip_suffix
 from ..pairs.pairs import MAX_TYPES, Pairs
 from ..registry import STYLES, CoeffLine, StyleInput, TypeRange, refusal, supported
 from .data_coeffs import take_data_file
-from .interpreter import State
 from .script import Command
+from .state import State
 
 BONDED = ("bond", "angle", "dihedral", "improper")
 

@@ -9,8 +9,9 @@ from pathlib import Path
 from ...errors import AtcError
 from .atom_commands import touches
 from .fixes import REACH, class_of, classify
-from .interpreter import Interpreter, State
+from .interpreter import Interpreter
 from .script import Command, short
+from .state import State
 
 #: Runs with models of their own that are compared.
 _MOST = 200
