@@ -274,7 +274,7 @@ def test_frames_that_do_not_fit_are_taken_in_batches(monkeypatch):
     parts = []
     evaluate = edge_model.EdgeModel.evaluate
     monkeypatch.setattr(edge_model, "_SMALL", 10)
-    monkeypatch.setattr(edge_model, "_free_memory", lambda device: 3e6)
+    monkeypatch.setattr(edge_model, "free_memory", lambda device: 3e6)
     monkeypatch.setattr(
         edge_model.EdgeModel, "evaluate", lambda self, part, *a: parts.append(part) or evaluate(self, part, *a)
     )

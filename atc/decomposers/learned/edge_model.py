@@ -1,8 +1,4 @@
-"""The public door for machine-learned potentials: energies of atoms as a function of edges, in torch.
-
-A frame is done in stages: the half neighbour list; its directed edges; energies and gradients, all at once or in
-batches of atoms with what is around them; one bond a pair (or, for central forces, the bonds of each atom's star).
-"""
+"""The public door for machine-learned potentials: energies of atoms as a function of edges, in torch."""
 
 from __future__ import annotations
 
@@ -12,16 +8,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...bonds import Bonds
 from ...errors import AtcError, AtcWarning
 from ...frame import Frame
 from ...units import units as get_units
-from ..base import Accumulator, Term, Work
+from ..base import Term, Work
 from ..many_body.elements import ElementMap
-from ..many_body.neighborhood import Neighborhood
 from ..potentials import Potential
+from .edge_work import EdgeWork
 from .graph import Edges, Part, Place
-from .guards import COMPARE_EVERY, GUARD, against_own, identity, symmetric
+from .guards import GUARD
+from .torch_here import device_of, first_line, free_memory, require_torch
 
 #: Edges up to which a frame is not worth being looked at for its memory.
 _SMALL = 20_000
@@ -81,11 +77,11 @@ class EdgeModel(Term):
             )
         if batch is not None and not (isinstance(batch, (int, np.integer)) and batch >= 1):
             raise AtcError(f"{name}: batch must be a number of atoms, got {batch!r}")
-        _torch(name)
+        require_torch(name)
         self.cutoff, self.hops, self.stress = float(cutoff) * self.length, int(hops), stress
         self.depth = 2.0 * self.hops
         self.central, self.edges = stress == "central", stress == "edge"
-        self.batch, self.device, self.precision, self.said = batch, _device(device, name), precision, tuple(said)
+        self.batch, self.device, self.precision, self.said = batch, device_of(device, name), precision, tuple(said)
         self.species = None if species is None else [str(s) for s in species]
         self.types = _types(types, self.species, name)
         self.reference = self._reference(reference)
@@ -192,7 +188,7 @@ class EdgeModel(Term):
         return [names.get(t) for t in range(1, max(present, default=0) + 1)]
 
     def prepare(self, frame: Frame) -> Work:
-        return _EdgeWork(self, frame)
+        return EdgeWork(self, frame)
 
     # --- the model
 
@@ -216,7 +212,7 @@ class EdgeModel(Term):
         except messages.NoGradient as e:
             raise AtcError(f"{source}: {self.name}: {e}") from None
         except Exception as e:  # of whatever function it is
-            raise AtcError(f"{source}: {self.name} cannot be evaluated: {_first_line(e)}") from None
+            raise AtcError(f"{source}: {self.name} cannot be evaluated: {first_line(e)}") from None
         finally:
             torch.set_default_dtype(before)
             torch.set_num_threads(threads)
@@ -252,7 +248,7 @@ class EdgeModel(Term):
             with messages.SavedBytes() as saved:
                 self.evaluate(some, species_n, place, None, source)
             self._per_edge = saved.bytes / max(1, len(some))
-        free = _free_memory(self.device) * _PART_OF_MEMORY / (_FLUX_MEMORY if sources else 1.0)
+        free = free_memory(self.device) * _PART_OF_MEMORY / (_FLUX_MEMORY if sources else 1.0)
         most = max(1.0, free / max(1.0, self._per_edge))  # edges
         return None if len(edges) <= most else self._fitting(edges, most)
 
@@ -294,153 +290,6 @@ def _types(types, species, name):
     if not all(t is None or (isinstance(t, (int, np.integer)) and t >= 0) for t in types):
         raise AtcError(f"{name}: types: without species= expected numbers of 0 or more (None: left out), got {types!r}")
     return [None if t is None else int(t) for t in types]
-
-
-def _torch(name):
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        raise AtcError(f"{name}: needs torch, which is not installed: pip install torch") from None
-
-
-def _device(device, name):
-    import torch
-
-    try:
-        found = torch.device(device)
-        torch.zeros(1, device=found)
-    except (RuntimeError, AssertionError, TypeError) as e:
-        raise AtcError(f"{name}: torch has no device {device!r} here: {_first_line(e)}") from None
-    return found
-
-
-def _first_line(e: BaseException) -> str:
-    lines = [line for line in str(e).splitlines() if line.strip()]
-    # TorchScript puts where it happened first.
-    said = lines[-1] if lines and lines[0].startswith("The following operation failed") else (lines or [""])[0]
-    return f"{type(e).__name__}: {' '.join(said.split())[:300]}"
-
-
-def _free_memory(device) -> float:
-    import torch
-
-    if device.type == "cuda":
-        return float(torch.cuda.mem_get_info(device)[0])
-    try:
-        with open("/proc/meminfo") as f:
-            for line in f:
-                if line.startswith("MemAvailable:"):
-                    return float(line.split()[1]) * 1024.0
-    except OSError:
-        pass
-    return 4e9  # where nothing says
-
-
-class _EdgeWork(Work):
-    def __init__(self, term: EdgeModel, frame: Frame):
-        self.term, self.frame = term, frame
-        species_n, who = term.map(frame)
-        self.near = near = Neighborhood(frame, who, term.cutoff, term.name)
-        self.species = species_n[near.atom]
-        self.stages = (near.chunks, 1, 1, near.chunks)
-
-    def run(self, stage, task, acc: Accumulator):
-        last = self._stars if self.term.central else self._merge
-        return (self._collect, self._join, self._evaluate, last)[stage](task, acc)
-
-    def _collect(self, task, acc):
-        self.near.collect(task, acc.ws)
-
-    def _join(self, task, acc):
-        near = self.near
-        near.join()
-        self.edges = Edges.of(near.a, near.b, near.r_pc / self.term.length, len(near.atom))
-
-    def _evaluate(self, task, acc):
-        term, frame, edges, near = self.term, self.frame, self.edges, self.near
-        n = edges.n
-        cell = frame.cell
-        place = Place(frame.positions[near.atom] / term.length, cell.vectors / term.length, cell.periodic)
-        moving = acc.sources and frame.velocities is not None
-        v_nc = frame.velocities[near.atom] / term.length if moving else None
-        source = frame.source
-        compare = term.own is not None and term._evaluated % COMPARE_EVERY == 0
-        term._evaluated += 1
-        batch = term.look(edges, self.species, place, source, moving) if n else None
-        parts = [edges.whole()]
-        if batch is not None:
-            parts = (edges.around(np.arange(k, min(n, k + batch)), term.hops) for k in range(0, n, batch))
-        energy_n, share_n = np.zeros(n), np.zeros(n)
-        self.g_ec, self.a_e = np.zeros((len(edges), 3)), np.zeros(len(edges)) if moving else None
-        for part in parts:
-            found = term.evaluate(part, self.species, place, None if v_nc is None else v_nc[part.atoms], source)
-            if not found.left <= GUARD[term.precision]:
-                raise AtcError(
-                    f"{source}: {term.name}: the energy depends on positions or the cell in other ways than through "
-                    f"its edges ({found.left:.1e} of the largest force: long-range charges, dispersion, lists of its "
-                    "own): such a part cannot be given by edges; use the model without it"
-                )
-            energy_n[part.atoms] += found.energy_n
-            self.g_ec[part.edges] += found.g_ec
-            if moving:
-                self.a_e[part.edges] += found.rates.a_e
-                share_n[part.atoms] += found.rates.share_n
-        if not (np.isfinite(energy_n).all() and np.isfinite(self.g_ec).all()):
-            bad = ~np.isfinite(energy_n)
-            np.logical_or.at(bad, edges.centre, ~np.isfinite(self.g_ec).all(1))
-            raise AtcError(
-                f"{source}: {term.name}: energy or forces of atom {frame.ids[near.atom[bad]].min()} are not "
-                "finite numbers"
-            )
-        symmetric(term, edges, self.g_ec, source)
-        if moving:
-            error = identity(term, edges, self.g_ec, self.a_e, share_n, v_nc, source)
-            acc.measured("energy_identity", error)
-        if compare:
-            against_own(term, edges, self.g_ec, energy_n, self.species, place, source, batch)
-        if term.reference is not None:
-            for number, value in term.reference.items():
-                energy_n[self.species == number] -= value
-        acc.energy += float(energy_n.sum()) * term.energy
-        if acc.energies is not None:
-            acc.energies[near.atom] += energy_n * term.energy
-        self.g_ec *= term.energy / term.length
-        if moving:
-            self.a_e *= term.energy
-
-    def _merge(self, task, acc):
-        near, edges = self.near, self.edges
-        p = slice(near.edges[task], near.edges[task + 1])
-        there, back = edges.there[p], edges.back[p]
-        D = np.stack([self.g_ec[there], self.g_ec[back]], axis=1)
-        P = self.a_e[there] - self.a_e[back] if self.a_e is not None and self.term.hops > 1 else None
-        i, j, none = near.atom[near.a[p]], near.atom[near.b[p]], np.full(len(there), np.nan)  # not along the bond
-        return Bonds(i, j, near.r_pc[p], none, D if acc.sources else None, D[:, 0] - D[:, 1], P)
-
-    def _stars(self, task, acc):
-        from .stars import Torque, tensions
-
-        near, edges, term = self.near, self.edges, self.term
-        found = []
-        for s in range(near.first[task], near.first[task + 1]):
-            e = slice(edges.start[s], edges.start[s + 1])
-            g = self.g_ec[e]
-            if not len(g) or not g.any():
-                continue
-            try:
-                a, b, r, G = tensions(edges.r_ec[e] * term.length, g, term.cutoff)
-            except Torque:
-                raise AtcError(
-                    f"{self.frame.source}: {term.name}: the energy of atom {self.frame.ids[near.atom[s]]} has forces "
-                    "with a torque, so it changes when all is turned, and no central forces are equal to them"
-                ) from None
-            who = np.concatenate([[s], edges.neighbour[e]])
-            D = None
-            if acc.sources:
-                D = np.zeros((len(G), 2, 3))
-                D[: len(g), 0] = g  # pairs of the centre come first
-            found.append(Bonds(near.atom[who[a]], near.atom[who[b]], r, G, D))
-        return Bonds.concatenate(found) if found else None
 
 
 def edge_model(

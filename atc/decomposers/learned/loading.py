@@ -9,6 +9,7 @@ import zipfile
 from pathlib import Path
 
 from ...errors import AtcError, AtcWarning
+from .torch_here import first_line
 
 #: Modules of kernels that do gather and sum in one, where nothing can be seen.
 _FUSED = ("cuequivariance", "openequivariance")
@@ -58,9 +59,7 @@ def unpickled(path: Path, what: str):
     try:
         return torch.load(path, map_location="cpu", weights_only=False)
     except Exception as e:
-        from .edge_model import _first_line
-
-        raise AtcError(f"{path}: cannot be read as {what}: {_first_line(e)}") from None
+        raise AtcError(f"{path}: cannot be read as {what}: {first_line(e)}") from None
 
 
 def eager(model, name: str, way_out: str):

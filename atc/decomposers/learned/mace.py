@@ -8,8 +8,9 @@ import numpy as np
 
 from ...errors import AtcError
 from ..many_body.elements import SYMBOLS
-from .edge_model import EdgeModel, _device, _torch
+from .edge_model import EdgeModel
 from .loading import eager, file_of, is_torchscript, own_copy, potential_of, said_besides, unpickled
+from .torch_here import device_of, require_torch
 
 _WAY_OUT = "give the eager model, the .model file that training wrote, without enable_cueq, enable_oeq or compile_mode"
 #: Models that are no sum of atoms' energies of edges, and why.
@@ -111,7 +112,7 @@ def mace(model, types=None, *, head=None, stress="edge", reference=None, batch=N
     AtcError for files that hold no such model, compiled or fused ones, models with long-range parts or without energies
     """
     name = "mace"
-    _torch(name)
+    require_torch(name)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of its e3nn, about how its own files are read
@@ -145,7 +146,7 @@ def mace(model, types=None, *, head=None, stress="edge", reference=None, batch=N
     if head is not None and head not in heads:
         raise AtcError(f"{name}: the model has no head {head!r}: it has {', '.join(heads)}")
     model, said = own_copy(
-        model, precision if precision in ("float32", "float64") else "float64", _device(device, name)
+        model, precision if precision in ("float32", "float64") else "float64", device_of(device, name)
     )
     energies = _Energies(model, heads.index(head) if head is not None else 0)
     term = EdgeModel(

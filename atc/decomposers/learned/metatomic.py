@@ -7,8 +7,9 @@ import warnings
 
 from ...errors import AtcError
 from ..many_body.elements import SYMBOLS
-from .edge_model import EdgeModel, _device, _first_line, _torch
+from .edge_model import EdgeModel
 from .loading import file_of, potential_of, said_besides
+from .torch_here import device_of, first_line, require_torch
 
 
 class _Energies:
@@ -82,7 +83,7 @@ def metatomic(
     positions or the cell beside lists of neighbours
     """
     name = "metatomic"
-    _torch(name)
+    require_torch(name)
     try:
         from metatomic import torch as package
     except ImportError:
@@ -93,7 +94,7 @@ def metatomic(
         try:
             model = package.load_atomistic_model(str(path), extensions)
         except Exception as e:
-            raise AtcError(f"{path}: cannot be read as a model exported by metatomic: {_first_line(e)}") from None
+            raise AtcError(f"{path}: cannot be read as a model exported by metatomic: {first_line(e)}") from None
     elif not package.is_atomistic_model(model):
         raise AtcError(f"{name}: expected a model exported by metatomic, or its file, got {type(model).__name__}")
     capabilities = model.capabilities()
@@ -123,7 +124,7 @@ def metatomic(
         raise AtcError(f"{name}: the model is exported in {capabilities.dtype}: leave precision out, or export it anew")
     # Of a list of half of the pairs an atom's energy depends on edges that start at its neighbours.
     hops = max(1, math.ceil(reach / cutoff - 1e-9)) + any(not w.full_list for w, _ in lists)
-    where = _device(device, name)
+    where = device_of(device, name)
     model = model.to(where)
     output = package.ModelOutput(unit="eV", sample_kind="atom")
     options = package.ModelEvaluationOptions(length_unit="angstrom", outputs={"energy": output})

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import AtcError
-from .edge_model import EdgeModel, _device, _first_line, _torch
+from .edge_model import EdgeModel
 from .loading import eager, file_of, is_torchscript, own_copy, potential_of, said_besides, warn_of_code
+from .torch_here import device_of, first_line, require_torch
 
 _WAY_OUT = "give the .nequip.zip of nequip-package or the .ckpt of training, not what nequip-compile wrote"
 
@@ -86,7 +87,7 @@ def nequip(
     AtcError for files that hold no such model, compiled ones, models whose forces are not the derivatives of an energy
     """
     name = "nequip"
-    _torch(name)
+    require_torch(name)
     try:
         import nequip as package  # noqa: F401
     except ImportError:
@@ -104,7 +105,7 @@ def nequip(
     if not getattr(model, "is_graph_model", False):
         raise AtcError(f"{name}: expected a model of nequip, got {type(model).__name__}")
     model, said = own_copy(
-        model, precision if precision in ("float32", "float64") else "float64", _device(device, name)
+        model, precision if precision in ("float32", "float64") else "float64", device_of(device, name)
     )
     _in_precision(model, precision)
     if not any(type(m).__name__ == "ForceStressOutput" for m in model.modules()):
@@ -152,7 +153,7 @@ def _loaded(path):
     try:
         made = (ModelFromCheckpoint if path.suffix == ".ckpt" else ModelFromPackage)(str(path))
     except Exception as e:
-        raise AtcError(f"{path}: cannot be read as a model of nequip: {_first_line(e)}") from None
+        raise AtcError(f"{path}: cannot be read as a model of nequip: {first_line(e)}") from None
     finally:
         torch.set_default_dtype(before)
     # One model, or several by their names.
