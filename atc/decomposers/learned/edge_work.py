@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 
 class EdgeWork(Work):
+    """An `EdgeModel` on one frame."""
+
     def __init__(self, term: EdgeModel, frame: Frame):
         self.term, self.frame = term, frame
         species_n, who = term.map(frame)
