@@ -394,7 +394,7 @@ def data_files(tree: Path) -> dict[str, dict]:
 
     import atc
     from atc.readers._bytes import open_bytes
-    from atc.readers.lammps.data import looks_like_data
+    from atc.readers.lammps.data_header import looks_like_data
 
     warnings.simplefilter("ignore")
     out = {}

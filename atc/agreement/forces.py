@@ -123,7 +123,7 @@ def compare_forces(
     diagnose : whether to say what a difference looks like (which takes a few more evaluations where charges may be the
         cause)
     """
-    from ..readers.trajectory import decimal_resolution
+    from ..readers.resolution import decimal_resolution
     from .real_space import coulomb_doubt
 
     frame.require("forces", why="a comparison with the run's forces")

@@ -123,7 +123,7 @@ def _extxyz(path):
 
 
 def _is_lammps(path) -> bool:
-    from ..readers.lammps.data import looks_like_data
+    from ..readers.lammps.data_header import looks_like_data
 
     with open(path, "rb") as f:
         return looks_like_data(f.read(4096))

@@ -170,7 +170,7 @@ _TOLD = (
     ("yaml", "looks_like_yaml_dump", "LammpsYamlDump"),
     ("binary", "looks_binary", "LammpsBinaryDump"),
     ("dcd", "written_by_lammps", "LammpsDcd"),
-    ("data", "looks_like_data", "LammpsDataTrajectory"),
+    ("data_trajectory", "looks_like_data", "LammpsDataTrajectory"),
     ("cfg", "looks_like_lammps_cfg", "LammpsCfg"),
     ("netcdf", "netcdf_by_lammps", "LammpsNetcdf"),
 )
@@ -212,7 +212,7 @@ def _path(path: Path, topology, units, masses, atom_style=None, boxed=False):
     for name, knows, reader in _TOLD:
         module = import_module(f".lammps.{name}", __package__)
         if getattr(module, knows)(head, path):
-            more = [atom_style] if name == "data" else []
+            more = [atom_style] if name == "data_trajectory" else []
             return getattr(module, reader)(path, topology, units, masses, *more)
     suffixes = [s.lower() for s in path.suffixes]
     last = next((s for s in reversed(suffixes) if s not in (".gz", ".bz2", ".xz", ".zst")), "")

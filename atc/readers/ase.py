@@ -10,7 +10,8 @@ import numpy as np
 from ..errors import AtcError, located
 from ..frame import Cell, Frame
 from ..units import units as unit_system
-from .trajectory import Masses, Trajectory, check_units
+from .masses import Masses, check_units
+from .trajectory import Trajectory
 from .xyz import ExtendedXyz, need_ase
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from ..errors import AtcError, located
 from ..frame import Cell, Frame, Topology
 from ..units import units as unit_system
-from .trajectory import Masses, Trajectory, check_units, warn
+from .masses import Masses, check_units
+from .trajectory import Trajectory, warn
 
 # Readers of formats whose files do not say their units: MDAnalysis takes them as they are.
 _UNITLESS = {"LAMMPSDUMP": "a LAMMPS dump", "DATA": "a LAMMPS data file", "LAMMPS": "a LAMMPS dcd"}
@@ -328,7 +329,7 @@ def _universe_of_data(path, units):
     from MDAnalysis.core import topologyattrs
 
     from ._bytes import head_of
-    from .lammps.data import LammpsDataTrajectory, looks_like_data
+    from .lammps.data_trajectory import LammpsDataTrajectory, looks_like_data
 
     if not looks_like_data(head_of(path)):
         return None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ..errors import AtcError
 from ..frame import Frame
-from .trajectory import Masses, Over, Trajectory, check_units
+from .masses import Masses, check_units
+from .trajectory import Over, Trajectory
 
 
 class FrameList(Trajectory):

@@ -15,9 +15,10 @@ from . import _parse
 from ._bytes import open_bytes
 from .lammps.columns import INT_COLUMNS, KNOWN_FLOATS, ScannedTrajectory
 from .lammps.dump import whole
+from .resolution import decimal_resolution, text_resolution_of_frames
 from .sniff import shown
 from .table import FLOAT, INT, TEXT, is_number, parse_columns
-from .trajectory import Trajectory, decimal_resolution, text_resolution_of_frames, warn
+from .trajectory import Trajectory, warn
 from .xyz_comment import CELL_UNIT_TAKEN, TIME_ROUNDED, Comment, read_comment
 
 # What columns of extended XYZ are called, and the columns of a dump they are.

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atc.readers import _parse
-from atc.readers.trajectory import decimal_resolution, text_resolution
+from atc.readers.resolution import decimal_resolution, text_resolution
 
 
 def parse(tokens, cap=None):

@@ -18,7 +18,8 @@ def data_file_commands(path: Path, style_names: dict[str, str]) -> list[Command]
     The cross terms of class2 come as
     ``angle_coeff N bb ...`` (``angle_coeff N class2 bb ...`` where the style is hybrid).
     """
-    from ...readers.lammps.data import COEFFS, SECTIONS, header_line
+    from ...readers.lammps.data import COEFFS, SECTIONS
+    from ...readers.lammps.data_header import header_line
     from ...readers.lammps.sections import SectionedFile
 
     f = SectionedFile(path, SECTIONS, header_line, "data file")

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...errors import AtcError, located
 from ...frame import Cell
+from ..resolution import text_resolution
 from ..table import FLOAT, INT, TEXT, is_number, parse_columns
-from ..trajectory import text_resolution
 from ..whole import bytes_as_they_are
 from .columns import INT_COLUMNS, KNOWN_FLOATS, LammpsTrajectory
 from .dump import number, whole

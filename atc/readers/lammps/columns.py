@@ -7,7 +7,8 @@ import numpy as np
 from ...errors import AtcError
 from ...frame import Cell, Frame, Topology
 from .._parse import gather, sorting
-from ..trajectory import Masses, Trajectory, warn
+from ..masses import Masses
+from ..trajectory import Trajectory, warn
 from .units import settle_units
 
 # How positions can be given, best first: (columns, scaled by the cell, wrapped into it).

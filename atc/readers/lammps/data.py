@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from ...errors import AtcError
-from ...frame import Cell, Frame, Topology
+from ...frame import Cell, Topology
 from ...units import Units
-from ..trajectory import Masses, Trajectory, warn
+from ..masses import Masses
+from ..trajectory import warn
 from .atom_styles import ASK, WHOLE, AtomStyle, inferred_style, style_of_comment
+from .data_header import LARGE, SMALL, DataHeader, header_line
 from .masses import SHAPES, centres, masses_by_shape
 from .molecule import bonded_of_templates
 from .sections import SectionedFile, number_of, shortened, whole_of
-from .units import settle_units
 
 _BONDED = {"Bonds": 2, "Angles": 3, "Dihedrals": 4, "Impropers": 4}
 _KINDS = ("Atom", "Bond", "Angle", "Dihedral", "Improper")
@@ -32,31 +31,9 @@ SECTIONS = frozenset(
     "Atoms Velocities Masses Ellipsoids Lines Triangles Bodies".split()
     + [*_BONDED, *COEFFS, *(f"{k} Type Labels" for k in _KINDS)]
 )
-_COUNT = re.compile(
-    r"^\s*(\d+)\s+(atoms|bonds|angles|dihedrals|impropers|(?:atom|bond|angle|dihedral|improper) types|"
-    r"extra (?:bond|angle|dihedral|improper|special) per atom|ellipsoids|lines|triangles|bodies)(?:\s|$)",
-    re.ASCII,
-)
-_BOX = re.compile(r"^\s*(\S.*?)\s+(xlo\s+xhi|ylo\s+yhi|zlo\s+zhi|xy\s+xz\s+yz|avec|bvec|cvec|abc\s+origin)(?:\s|$)")
-# A header line that a fix of the run reads, such as "6 crossterms" of fix cmap.
-_OF_A_FIX = re.compile(r"^\s*(\d+)\s+([A-Za-z][A-Za-z_/-]*)\s*$", re.ASCII)
-_SMALL, _LARGE = 1e-80, 1e80  # lengths whose third powers can still be computed with
 
 
-def looks_like_data(head: bytes, path=None) -> bool:
-    """Whether the first bytes of a file are those of a data file: a count of atoms, or atom types, or box bounds in its
-    header."""
-    lines = head.split(b"\n")[1:60]
-    found = [re.match(rb"^\s*[-+\d.eE]+\s.*?(atoms|atom types|xlo xhi|avec)\s*(#.*)?\r?$", line) for line in lines]
-    return sum(m is not None for m in found) >= 2
-
-
-def header_line(line: str) -> bool:
-    """Whether a line without comment belongs to the header of a data file."""
-    return bool(_COUNT.match(line) or _BOX.match(line) or _OF_A_FIX.match(line))
-
-
-class LammpsData:
+class LammpsData(DataHeader):
     """What a LAMMPS data file says, in the file's own order and units until `use_units`.
 
     Attributes after `use_units` (internal units, atoms sorted by id): ``ids``, ``types``, ``positions``, ``images``,
@@ -91,91 +68,6 @@ class LammpsData:
 
     # Reading
     # ------------------------------------------------------------------------------------------------------------------
-
-    def _read_header(self):
-        f = self._file
-        if not f.places:
-            raise AtcError(f"{self.source}: no 'Atoms' section; is it a LAMMPS data file?")
-        found = re.search(r"\bunits\s*=\s*(\w+)", f.title)
-        self.unit_style = found.group(1) if found else None
-        self.counts = {}
-        bounds, tilt, general = {}, (0.0, 0.0, 0.0), {}
-        counted_by_fixes = []
-        for number, line in f.header:
-            at = f"{self.source}, line {number}"
-            m = _COUNT.match(line)
-            if m:
-                value = whole_of(m.group(1))
-                if value is None:
-                    raise AtcError(f"{at}: {shortened(m.group(1))} {m.group(2)} are more than any file holds")
-                self.counts[m.group(2)] = value
-                continue
-            m = _BOX.match(line)
-            if m is None:
-                counted_by_fixes.append((at, *_OF_A_FIX.match(line).groups()))
-                continue
-            words, key = m.group(1).split(), m.group(2).split()
-            wanted = 2 if len(key) == 2 and key[0] != "abc" else 3
-            values = [number_of(w) for w in words]
-            if len(words) != wanted or None in values:
-                raise AtcError(f"{at}: expected numbers in {shortened(line.strip())!r}")
-            if max(map(abs, values)) > _LARGE:
-                raise AtcError(f"{at}: {shortened(line.strip())!r} is no box of atoms")
-            if key[0] == "xy":
-                tilt = tuple(values)
-            elif len(key) == 2 and key[0] != "abc":
-                bounds[key[0][0]] = tuple(values)
-            else:
-                general[key[-1]] = values
-        if "atoms" not in self.counts:
-            raise AtcError(f"{self.source}: the header has no '<n> atoms' line; is it a LAMMPS data file?")
-        self._settle_fix_headers(counted_by_fixes)
-        self._bounds, self._tilt = bounds, tilt
-        self.box = None
-        if general:
-            if set(general) != {"avec", "bvec", "cvec", "origin"}:
-                raise AtcError(
-                    f"{self.source}: a general triclinic box needs avec, bvec, cvec and 'abc origin' in the header"
-                )
-            self.box = (np.array([general[v] for v in ("avec", "bvec", "cvec")]), np.array(general["origin"]))
-            self._require_volume(self.box[0], "the vectors avec, bvec, cvec")
-        elif set(bounds) == set("xyz"):
-            self._restricted_box(bounds)
-
-    def _settle_fix_headers(self, lines):
-        """Header lines that LAMMPS does not know: a fix reads them, with a section of as many lines; otherwise they are
-        mistakes."""
-        sizes = {len(self._file.section(name)) for name in self._file.others} if lines else set()
-        for at, count, what in lines:
-            if whole_of(count) not in sizes:
-                raise AtcError(
-                    f"{at}: {shortened(f'{count} {what}')!r} is no header line of LAMMPS, nor of a section of a fix "
-                    "that has so many lines"
-                )
-
-    def _restricted_box(self, bounds):
-        lo, hi = np.array([bounds[a] for a in "xyz"]).T
-        xy, xz, yz = self._tilt
-        if not (hi > lo).all():
-            raise AtcError(f"{self.source}: the box bounds {lo.tolist()} to {hi.tolist()} enclose no volume")
-        lx, ly, lz = hi - lo
-        self.box = (np.array([[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]]), lo)
-        self._require_volume(self.box[0], f"the box bounds {lo.tolist()} to {hi.tolist()}")
-
-    def _require_volume(self, vectors, what):
-        lengths = np.linalg.norm(vectors, axis=1)
-        if not (lengths > _SMALL).all() or not abs(np.linalg.det(vectors / lengths[:, None])) > 1e-12:
-            raise AtcError(f"{self.source}: {what} enclose no volume")
-
-    def _default_bounds(self, x_nc):
-        """The faces that the header leaves out are at -0.5 and 0.5, as for the z of a two-dimensional run, if the atoms
-        agree."""
-        if self.box is not None:
-            return
-        missing = [a for a in "xyz" if a not in self._bounds]
-        inside = all((np.abs(x_nc["xyz".index(a)]) <= 0.5).all() for a in missing)
-        if inside and missing != list("xyz"):
-            self._restricted_box({**dict.fromkeys("xyz", (-0.5, 0.5)), **self._bounds})
 
     def _read_sections(self, given: AtomStyle | None):
         f = self._file
@@ -241,7 +133,7 @@ class LammpsData:
                     f"{s.where(k)}: {shortened(words[0])!r} is neither a number nor one of the file's Atom Type Labels"
                 )
             mass = number_of(words[1])
-            if mass is None or not _SMALL < mass < _LARGE:
+            if mass is None or not SMALL < mass < LARGE:
                 raise AtcError(
                     f"{s.where(k)}: the mass of {shortened(words[0])} is {shortened(words[1])!r}, expected a positive "
                     "number"
@@ -494,58 +386,4 @@ def _check_spins(a, s):
         raise AtcError(
             f"{s.where(k)}: the spin's direction is no unit vector, as if the columns were id type sp x y z spx spy "
             "spz of an old LAMMPS: today's are id type x y z spx spy spz sp; convert the file"
-        )
-
-
-class LammpsDataTrajectory(Trajectory):
-    """A data file as a trajectory of one frame. The file does not know its boundaries: periodic, as LAMMPS's
-    default."""
-
-    def __init__(self, path, topology=None, units=None, masses=None, atom_style=None):
-        super().__init__()
-        if topology is not None:
-            raise AtcError(f"{path} is a LAMMPS data file and its own topology: leave the topology argument out")
-        self.source = str(path)
-        data = LammpsData(path, atom_style)
-        self.units = settle_units(units, [(data.unit_style, self.source)] if data.unit_style else [], self.source)
-        data.use_units(self.units)
-        if data.cell is None:
-            raise AtcError(f"{path}: the header has no complete box (xlo xhi, ylo yhi, zlo zhi)")
-        if not len(data.ids):
-            raise AtcError(f"{path}: a data file without atoms is no trajectory")
-        self._data = data
-        self._masses = None if masses is None else Masses(masses, self.units)
-
-    @property
-    def type_names(self):
-        return self._data.type_names
-
-    def __len__(self):
-        return 1
-
-    def _frame(self, k):
-        d = self._data
-        masses = None
-        if self._masses is not None:
-            masses = self._masses(d.types, d.type_names, self.source)
-        elif d.has_masses:
-            masses = d.masses_of(d.types, d.type_names, np.arange(len(d.ids)), d.ids, self.source)
-        # What a LAMMPS script says of these atoms goes before what the file says.
-        given = dict.fromkeys(("types", "charges", "topology") + ("masses",) * (self._masses is None), self.source)
-        return Frame(
-            positions=d.positions.copy(),
-            cell=d.cell,
-            units=self.units,
-            types=d.types,
-            ids=d.ids,
-            masses=masses,
-            velocities=d.velocities,
-            charges=d.charges,
-            images=d.images,
-            topology=d.topology_for(d.ids, self.source),
-            source=self.source,
-            type_names=d.type_names,
-            extra=dict(d.extra),
-            molecules=d.extra.get("mol"),
-            given={**given, "boundary": "assumed"},
         )

@@ -16,7 +16,8 @@ import numpy as np
 from ...errors import AtcError, located
 from ...frame import Cell
 from .._bytes import open_bytes
-from ..trajectory import decimal_resolution, warn
+from ..resolution import decimal_resolution
+from ..trajectory import warn
 from .columns import ScannedTrajectory, edge_vectors
 
 _NAME = b"Written by LAMMPS"

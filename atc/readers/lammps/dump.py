@@ -11,8 +11,9 @@ from ...errors import AtcError, located
 from ...frame import Cell
 from .. import _parse
 from .._bytes import open_bytes
+from ..resolution import text_resolution_of_frames
 from ..table import FLOAT, INT, TEXT, is_number, parse_columns
-from ..trajectory import text_resolution_of_frames, warn
+from ..trajectory import warn
 from .columns import INT_COLUMNS, KNOWN_FLOATS, TEXT_COLUMNS, ScannedTrajectory, cell_from_bounds, periodic_flags
 
 

@@ -10,7 +10,8 @@ from ...errors import AtcError, located
 from ...frame import Cell
 from .._bytes import open_bytes
 from ..netcdf_classic import ClassicFile
-from ..trajectory import decimal_resolution, warn
+from ..resolution import decimal_resolution
+from ..trajectory import warn
 from .columns import INT_COLUMNS, ScannedTrajectory, edge_vectors
 
 # (unit of length, unit of time), as the attributes of cell_lengths and time name them -> unit style
