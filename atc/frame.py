@@ -172,6 +172,9 @@ class Topology:
     weighted: Topology | None = None
     held: Held | None = None  # what its file says of constraints; None: nothing
     untold: str = ""  # why it is not known which atoms are bonded: an error where that is needed
+    #: of a tile, who is one, two, three bonds apart in the whole frame (see `estimators.tile_cuts`); no field: what is
+    #: made of the lists above does not have it
+    special = None
 
     def __bool__(self):
         return any(len(a) for a in (self.bonds, self.angles, self.dihedrals, self.impropers)) or bool(self.weighted)

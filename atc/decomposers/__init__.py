@@ -229,7 +229,7 @@ def _made(source, units, special_bonds, folder, name, run, trajectory, openmm):
             "a potential is made from LAMMPS lines, a LAMMPS input script, or objects of atc.decomposers, not from "
             f"{type(odd).__name__}"
         )
-    known = {p.units.name: p.units for p in parts if getattr(p, "units", None) is not None}
+    known = {p.units.name: p.units for p in parts if p.units is not None}
     if units is None:
         if not known:
             raise AtcError("say which units the potential is in: units='metal' (or lj, real, ...)")

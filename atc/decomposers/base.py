@@ -14,6 +14,7 @@ from ..bonds import Bonds
 from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors.cell_list import Workspace
+from ..units import Units
 from .bond_sums import add_forces, add_forces_and_virial, add_virial
 
 
@@ -112,6 +113,8 @@ class Term:
     depth: float = 2.0
     part_name: str = ""
     partitions: Mapping[str, str] = MappingProxyType({})
+    #: of its numbers, where it was made of some
+    units: Units | None = None
     #: the pair styles it sums, if it does
     styles: Sequence = ()
     #: how many atoms one of its interactions has; 0: two, or as many as its `kind` says
@@ -176,6 +179,9 @@ class Term:
         new = copy(self)
         new.share(partition)
         return new
+
+    def use_threads(self, count: int) -> None:
+        """How many threads a term may use that deals out its work itself; tasks of others are dealt to as many."""
 
 
 class Wrapper(Term):

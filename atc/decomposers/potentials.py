@@ -322,8 +322,7 @@ class Potential(Interactions):
         pool = ThreadPoolExecutor(threads) if threads > 1 else None
         try:
             for term in self.terms:
-                if hasattr(term.inner, "threads"):  # of those that deal out their work themselves
-                    term.inner.threads = threads
+                term.inner.use_threads(threads)
                 done = kept.get(id(term)) if kept else None
                 work = done or term.prepare(carriers if term.on_sites and self.sites is not None else frame)
                 for stage in range(done.again if done else 0, len(work.stages)):

@@ -15,7 +15,7 @@ Builders convert to internal units themselves (`StyleInput.number`) and complain
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
@@ -151,6 +151,16 @@ class StyleInput:
     masses: dict = field(default_factory=dict)
     pairs: object = None
     notes: list = field(default_factory=list)
+
+    @property
+    def pair_styles(self) -> Sequence:
+        """The pair styles of the model's `pairs`."""
+        return () if self.pairs is None else self.pairs.styles
+
+    @property
+    def pair_weights(self):
+        """The special_bonds of the model's `pairs`, None where there are no pairs or no weights."""
+        return None if self.pairs is None else self.pairs.special
 
     def note(self, text: str) -> None:
         """Say something about the model that is no error: it becomes one of the potential's remarks."""

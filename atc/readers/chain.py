@@ -66,12 +66,11 @@ class Chain(Trajectory):
         self._declared: dict[int, str] = {}
         self._learnt = 0  # files, from the first on, whose species are all known
         self._seen: dict[int, int] = {}  # frames of each file whose species have been looked at
-        self._data = None
         first = self._part(0)
         self.units, self.assumed = first.units, first.assumed
         self.source = f"{self.paths[0]} .. {self.paths[-1]}" if len(self.paths) > 1 else str(self.paths[0])
         # LAMMPS files share the data file: it is read once.
-        self._data = getattr(first, "_data", None)
+        self._data = first._data
 
     def _part(self, p: int) -> Trajectory:
         with self._guard:

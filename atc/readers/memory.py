@@ -104,10 +104,10 @@ def completed(frames, pot):
 
 def _is_completed(frames, setup) -> bool:
     """Whether a trajectory, or the one it is a part of, has been completed by this script: once is enough."""
-    while isinstance(frames, Trajectory):
+    while isinstance(frames, Over):
         if isinstance(frames, Completed) and frames.pot.setup is setup:
             return True
-        frames = getattr(frames, "base", None)
+        frames = frames.base
     return False
 
 
@@ -126,8 +126,10 @@ class Adapted(Over):
 def comes_once(traj) -> bool:
     """Whether something gives frames one after the other, once, and does not know how many: a generator, an iterator,
     a stream."""
-    if hasattr(traj, "__next__") or isinstance(traj, Trajectory):
-        return hasattr(traj, "__next__") or getattr(traj, "streamed", False)
+    if hasattr(traj, "__next__"):
+        return True
+    if isinstance(traj, Trajectory):
+        return traj.streamed
     reader = getattr(getattr(traj, "universe", traj), "trajectory", None)
     if reader is None:
         return False

@@ -41,6 +41,10 @@ class Trajectory(Sequence):
     #: What the reader takes for granted because the format cannot say it: sentences for `atc info`.
     assumed: tuple[str, ...] = ()
     dimension: int | None = None
+    #: whether frames come from a run that goes on: once, one after the other, nobody knows how many
+    streamed: bool = False
+    #: the LAMMPS data file that says what its frames do not, if one does
+    _data = None
 
     def __init__(self):
         self._guard = threading.RLock()
@@ -99,7 +103,7 @@ class Trajectory(Sequence):
         """For notebooks: what is in it, from its first and last frame."""
         from ..terminal import html_table
 
-        if getattr(self, "streamed", False):
+        if self.streamed:
             return html_table(
                 f"{type(self).__name__} {self.source}", [("units", self.units.name), ("frames", "a stream")]
             )
@@ -304,8 +308,8 @@ class _View(Over):
 def resolution_of(frames, frame: Frame) -> float:
     """Step of the last digit of a frame's positions (internal), as far as the trajectory it comes from knows it; 0 if
     unknown."""
-    look = getattr(frames, "_precision", None)
-    return float(look(frame)[0] if look is not None else decimal_resolution(frame.positions)[0])
+    known = isinstance(frames, Trajectory)
+    return float((frames._precision(frame) if known else decimal_resolution(frame.positions))[0])
 
 
 def warn(message: str) -> None:

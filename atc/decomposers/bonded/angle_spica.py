@@ -41,7 +41,7 @@ class SpicaAngle(HarmonicAngle):
 
     @classmethod
     def build(cls, inp):
-        if not any(s.name == "lj/spica" for s in getattr(inp.pairs, "styles", ())):
+        if not any(s.name == "lj/spica" for s in inp.pair_styles):
             raise inp.error(
                 f"{inp.command} adds the repulsion of pair_style lj/spica (lj/sdk) between its outer atoms, which is "
                 "not there: give it first"

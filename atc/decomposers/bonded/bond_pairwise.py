@@ -101,8 +101,8 @@ class QuarticBond(PairedBond):
     )
 
     def check_pairs(self, inp):
-        special = getattr(inp.pairs, "special", None)
-        charged = any(s.needs_charges for s in getattr(inp.pairs, "styles", ()))
+        special = inp.pair_weights
+        charged = any(s.needs_charges for s in inp.pair_styles)
         if special is not None and {*special.lj, *(special.coul if charged else ())} != {1.0}:
             raise inp.error(
                 "bond_style quartic needs 'special_bonds lj/coul 1 1 1': it takes the pair interaction of its atoms "
@@ -152,7 +152,7 @@ class SpecialBond(PairedBond):
         return w1, w2
 
     def check_pairs(self, inp):
-        special = getattr(inp.pairs, "special", None)
+        special = inp.pair_weights
         if inp.pairs is None:
             raise inp.error(
                 "bond_style special weighs the pair interaction of its atoms, but there is none that is a sum over "

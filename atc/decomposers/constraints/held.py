@@ -183,8 +183,7 @@ class Constraints:
             top, bond_types=np.where(bonds, 0, top.bond_types), angle_types=np.where(angles, 0, top.angle_types)
         )
         new.weighted = top if top.weighted is None else top.weighted
-        if hasattr(top, "special"):
-            new.special = top.special
+        new.special = top.special
         return new
 
     def degrees(self, frame: Frame) -> np.ndarray:

@@ -180,7 +180,7 @@ class _Growing(Wrapper):
         return self._of(frame).leaves(frame)
 
     def _of(self, frame):
-        types = getattr(frame.topology, f"{self.style.kind}_types", ()) if frame.topology is not None else ()
+        types = getattr(frame.topology, f"{self.style.kind}_types") if frame.topology is not None else ()
         top = int(np.max(types)) if len(types) else 0
         if top <= self.n_types:
             return self.term

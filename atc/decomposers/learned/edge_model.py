@@ -27,10 +27,32 @@ _PART_OF_MEMORY = 0.4
 _FLUX_MEMORY = 3.0
 
 
+class OfInputs:
+    """Energies of atoms as a function of `messages.Inputs`: what a package's model is made into."""
+
+    #: whether it is told positions and cell besides the edges
+    positions = False
+    #: whether it makes the edges' vectors of positions, so that these are pulled at too
+    vectors_of_positions = False
+
+    def __call__(self, at):
+        """(m,) tensor"""
+        raise NotImplementedError
+
+
+class _OfEdges(OfInputs):
+    def __init__(self, energies):
+        self.energies = energies
+
+    def __call__(self, at):
+        return self.energies(at.r_ec, at.centre, at.neighbour, at.types_n)
+
+
 class EdgeModel(Term):
     """U = Σ_j U^(j), of the vectors of edges centre → neighbour; see `edge_model`."""
 
-    _threads = 1
+    _threads = 1  # of torch; no part of what the model is
+    _per_edge: float | None = None  # bytes, as soon as they are known
 
     def __init__(
         self,
@@ -87,13 +109,7 @@ class EdgeModel(Term):
         self.reference = self._reference(reference)
         self._looked, self._evaluated = False, 0
 
-    @property
-    def threads(self) -> int:
-        """Of torch; no part of what the model is."""
-        return self._threads
-
-    @threads.setter
-    def threads(self, count: int) -> None:
+    def use_threads(self, count: int) -> None:
         self._threads = count
 
     # --- what it says
@@ -202,11 +218,10 @@ class EdgeModel(Term):
         before, threads = torch.get_default_dtype(), torch.get_num_threads()
         try:
             torch.set_default_dtype(dtype)
-            torch.set_num_threads(max(1, int(self.threads)))
-            wants = getattr(self.energies, "positions", False)
-            at = messages.Inputs(part, species_n, dtype, self.device, place if wants else None)
-            function = self.energies if getattr(self.energies, "takes_inputs", False) else _unpacked(self.energies)
-            return messages.gradient(function, at, velocities_nc)
+            torch.set_num_threads(max(1, int(self._threads)))
+            energies = self.energies if isinstance(self.energies, OfInputs) else _OfEdges(self.energies)
+            at = messages.Inputs(part, species_n, dtype, self.device, place if energies.positions else None)
+            return messages.gradient(energies, at, velocities_nc)
         except AtcError:
             raise
         except messages.NoGradient as e:
@@ -243,7 +258,7 @@ class EdgeModel(Term):
             return self.batch if self.batch < edges.n else None
         if len(edges) <= _SMALL:
             return None
-        if getattr(self, "_per_edge", None) is None:
+        if self._per_edge is None:
             some = edges.around(np.arange(min(32, edges.n)), self.hops)
             with messages.SavedBytes() as saved:
                 self.evaluate(some, species_n, place, None, source)
@@ -271,10 +286,6 @@ class EdgeModel(Term):
                 "instead of workers"
             ) from None
         return dict(self.__dict__)
-
-
-def _unpacked(energies):
-    return lambda at: energies(at.r_ec, at.centre, at.neighbour, at.types_n)
 
 
 def _types(types, species, name):

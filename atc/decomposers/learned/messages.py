@@ -114,7 +114,7 @@ def gradient(energies, at: Inputs, velocities_nc=None) -> Gradient:
 
     Parameters
     ----------
-    energies : function of `Inputs` → (m,) tensor
+    energies : `edge_model.OfInputs`
 
     Raises
     ------
@@ -148,7 +148,7 @@ def gradient(energies, at: Inputs, velocities_nc=None) -> Gradient:
     g = slopes.pop(0)
     if g is None:
         raise NoGradient("energies do not depend on the vectors of the edges")
-    left = _left(at, g, *slopes[: len(others)], getattr(energies, "vectors_of_positions", False)) if others else 0.0
+    left = _left(at, g, *slopes[: len(others)], energies.vectors_of_positions) if others else 0.0
     del slopes[: len(others)]
     g_ec = g.detach().cpu().numpy().astype(np.float64)
     if not moving:

@@ -123,6 +123,9 @@ class LongRangeDispersion(Term):
             self._grown[top] = new
         return self._grown[top]
 
+    def use_threads(self, count: int) -> None:
+        self.threads = count
+
     def describe(self) -> str:
         return (
             f"dispersion: straight bonds (alpha = {self.split.alpha:.6g}/angstrom, cutoff {self.split.cutoff:.6g} "

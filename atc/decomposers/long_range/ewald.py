@@ -63,6 +63,9 @@ class LongRangeCoulomb(Term):
     def __getstate__(self):
         return {**self.__dict__, "_kept": None}
 
+    def use_threads(self, count: int) -> None:
+        self.threads = count
+
     def describe(self) -> str:
         text = (
             f"Coulomb: straight bonds (erfc, alpha = {self.split.alpha:.6g}/angstrom, cutoff {self.split.cutoff:.6g} "

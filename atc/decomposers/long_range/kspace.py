@@ -248,7 +248,7 @@ def for_tolerance(pot, tolerance: float, exactly: bool):
 def finer(pot):
     """The same potential with what measures the error of its split: α as it was, the rest a hundred times more
     accurate; None for one without long-range Coulomb."""
-    splits = [s.split for t in pot.terms for s in t.styles if hasattr(s, "split")]
+    splits = [s.split for t in pot.terms for s in t.styles if s.split is not None]
     return converged(pot, max(0.01 * splits[0].accuracy, 1e-15)) if splits else None
 
 
@@ -270,14 +270,14 @@ def converged(pot, accuracy: float, alpha: float | None = None):
     has none."""
     from ..pairs.pairs import Pairs
 
-    if not pot.fields and not any(hasattr(s, "split") for t in pot.terms for s in t.styles):
+    if not pot.fields and not any(s.split is not None for t in pot.terms for s in t.styles):
         return pot
     new = copy(pot)
     new.terms = []
     for t in pot.terms:
         if t.field:
             t = t.at(accuracy, alpha)
-        elif isinstance(t, Pairs) and any(hasattr(s, "split") for s in t.styles):
+        elif isinstance(t, Pairs) and any(s.split is not None for s in t.styles):
             own = [s.split.alpha for s in coulomb_of([t])] if alpha is None else [alpha]
             grown = t.grow and _Grown(t.grow, accuracy, own[0] if own else None)
             t = type(t)(_split(t.styles, accuracy, alpha), t.n_types, t.special, grown, t.exclusions, t.kinds)
@@ -286,7 +286,7 @@ def converged(pot, accuracy: float, alpha: float | None = None):
 
 
 def _split(styles, accuracy, alpha):
-    return [s.at(accuracy, alpha) if hasattr(s, "split") else s for s in styles]
+    return [s if s.split is None else s.at(accuracy, alpha) for s in styles]
 
 
 @dataclass

@@ -66,6 +66,8 @@ class ManyBody(ClusterTerm):
     where they must be.
     """
 
+    _kernel = None
+
     def __init__(
         self,
         energy,
@@ -210,7 +212,7 @@ class ManyBody(ClusterTerm):
     @property
     def kernel(self):
         """f(Q, U, G), compiled when first used."""
-        if getattr(self, "_kernel", None) is None:
+        if self._kernel is None:
             self._kernel = (
                 compiled(self.source) if self.functions is None else _batch_of(*self.functions, len(self.names))
             )

@@ -33,6 +33,8 @@ class Generic(PairStyle):
     of the energy there.
     """
 
+    _kernel = None  # compiled when first used
+
     def __init__(
         self, energy, derivative, cutoff, *, units, types=None, n_types: int | None = None, name: str = "generic"
     ):
@@ -71,7 +73,7 @@ class Generic(PairStyle):
             )
 
     def add(self, types, i, j, d2, weights, U, G, prepared):
-        if not hasattr(self, "_kernel"):
+        if self._kernel is None:
             self._kernel = _kernel(*self._functions)
         self._kernel(types, i, j, d2, weights, self.table, self.units.length, self.units.energy, U, G)
 

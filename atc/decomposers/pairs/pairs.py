@@ -50,6 +50,8 @@ class PairStyle:
     own_special: tuple = ()
     #: what a CHARMM torsion needs for the pairs at its ends (`one_four.OneFour`)
     one_four = None
+    #: how a long-range style is split into bonds and modes (`long_range.split`); it has `at` then, for another split
+    split = None
     #: of charges that sit on virtual sites: which (`tip4p.TIP4PLine`)
     water = None
     #: whether it acts on spins

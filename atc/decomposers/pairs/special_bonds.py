@@ -111,7 +111,7 @@ class SpecialBonds:
         """The weights for a frame; None if it has no bonds or nothing is weighted. `keep_excluded`: pairs of weight 0
         stay in the list."""
         top = frame.topology
-        ready = getattr(top, "special", None)  # those of a tile, see estimators.tile_cuts
+        ready = None if top is None else top.special
         if ready is not None:
             return _Weights(self, ready.cell, ready.start, ready.other, ready.apart, ready.hints, keep_excluded)
         if top is not None and top.untold and not self.trivial:
