@@ -9,7 +9,7 @@ import zipfile
 from pathlib import Path
 
 from ...errors import AtcError, AtcWarning
-from .torch_here import first_line
+from .torch_here import device_of, first_line
 
 #: Modules of kernels that do gather and sum in one, where nothing can be seen.
 _FUSED = ("cuequivariance", "openequivariance")
@@ -77,13 +77,14 @@ def eager(model, name: str, way_out: str):
         )
 
 
-def own_copy(model, precision: str, device):
-    """A copy for evaluation in this precision, its weights fixed; and a word if they had less of it."""
+def own_copy(model, precision: str, device: str, name: str):
+    """A copy for evaluation on a device in this precision (of a word that is none, `EdgeModel` complains), its weights
+    fixed; and a word if they had less of it."""
     import torch
 
-    dtype = getattr(torch, precision)
+    dtype = torch.float32 if precision == "float32" else torch.float64
     kinds = {p.dtype for p in model.parameters() if p.is_floating_point()}
-    model = copy.deepcopy(model).to(device=device, dtype=dtype).eval()
+    model = copy.deepcopy(model).to(device=device_of(device, name), dtype=dtype).eval()
     for p in model.parameters():
         p.requires_grad_(False)
     said = ()
@@ -92,17 +93,29 @@ def own_copy(model, precision: str, device):
     return model, said
 
 
-def potential_of(term, maker: str, model, **options):
-    """The potential of one term, with how it was made if it is of a file: `options` as scenes have them."""
-    from ..potentials import Potential
+def potential_of(maker: str, title: str, given, energies, cutoff, hops, *, told=None, **asked):
+    """The potential of a package's model, in Å and eV, with how it was made if that was of a file.
 
+    Parameters
+    ----------
+    maker : the function that makes it, as scenes call it; title : what to call the model
+    given : what it was made of, a file or an object
+    energies, cutoff, hops, asked : of the `EdgeModel`
+    told : {key of scenes: value} that only this maker has
+    """
+    from ..potentials import Potential
+    from .edge_model import EdgeModel
+
+    file = Path(given).name if isinstance(given, (str, Path)) else None
+    term = EdgeModel(energies, cutoff, hops, units="metal", name=f"{title} {file}" if file else title, **asked)
     pot = Potential([term], "metal")
-    pot.learned = (maker, Path(model).name, options) if isinstance(model, (str, Path)) else None
+    if file:
+        pot.learned = (maker, file, {**(told or {}), **_asked(term, asked["reference"])})
     return pot
 
 
-def said_besides(term, reference) -> dict:
-    """What a maker was told, by the keys of scenes; None where it is what it would be anyway."""
+def _asked(term, reference) -> dict:
+    """What a maker was asked, by the keys of scenes; None where it is what it would be anyway."""
     device = str(term.device)
     return {
         "types": term.types,

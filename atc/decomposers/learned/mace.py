@@ -8,9 +8,9 @@ import numpy as np
 
 from ...errors import AtcError
 from ..many_body.elements import SYMBOLS
-from .edge_model import EdgeModel
-from .loading import eager, file_of, is_torchscript, own_copy, potential_of, said_besides, unpickled
-from .torch_here import device_of, require_torch
+from .edge_model import OfInputs
+from .loading import eager, file_of, is_torchscript, own_copy, potential_of, unpickled
+from .torch_here import require
 
 _WAY_OUT = "give the eager model, the .model file that training wrote, without enable_cueq, enable_oeq or compile_mode"
 #: Models that are no sum of atoms' energies of edges, and why.
@@ -23,8 +23,8 @@ _OTHERS = {
 }
 
 
-class _Energies:
-    takes_inputs = positions = vectors_of_positions = True
+class _Energies(OfInputs):
+    positions = vectors_of_positions = True
 
     def __init__(self, model, head: int):
         self.model, self.head = model, head
@@ -112,13 +112,9 @@ def mace(model, types=None, *, head=None, stress="edge", reference=None, batch=N
     AtcError for files that hold no such model, compiled or fused ones, models with long-range parts or without energies
     """
     name = "mace"
-    require_torch(name)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of its e3nn, about how its own files are read
-            import mace.modules as modules
-    except ImportError:
-        raise AtcError(f"{name}: needs mace-torch, which is not installed: pip install mace-torch") from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of its e3nn, about how its own files are read
+        modules = require("mace.modules", "mace-torch", name)
     path = file_of(model)
     given = model
     if path is not None:
@@ -145,15 +141,15 @@ def mace(model, types=None, *, head=None, stress="edge", reference=None, batch=N
         raise AtcError(f"{name}: the model has the heads {', '.join(heads)}: say which one, head={heads[-1]!r}, say")
     if head is not None and head not in heads:
         raise AtcError(f"{name}: the model has no head {head!r}: it has {', '.join(heads)}")
-    model, said = own_copy(
-        model, precision if precision in ("float32", "float64") else "float64", device_of(device, name)
-    )
+    model, said = own_copy(model, precision, device, name)
     energies = _Energies(model, heads.index(head) if head is not None else 0)
-    term = EdgeModel(
+    return potential_of(
+        "mace",
+        "MACE",
+        given,
         energies,
         float(model.r_max),
         int(model.num_interactions),
-        units="metal",
         species=[SYMBOLS[int(z) - 1] for z in model.atomic_numbers],
         types=types,
         stress=stress,
@@ -161,8 +157,7 @@ def mace(model, types=None, *, head=None, stress="edge", reference=None, batch=N
         batch=batch,
         device=device,
         precision=precision,
-        name=f"MACE {name}" if path is not None else "MACE",
         own=energies.own,
         said=(*said, *([f"head {head}"] if head is not None else [])),
+        told={"head": head},
     )
-    return potential_of(term, "mace", given, head=head, **said_besides(term, reference))

@@ -7,13 +7,13 @@ import warnings
 
 from ...errors import AtcError
 from ..many_body.elements import SYMBOLS
-from .edge_model import EdgeModel
-from .loading import file_of, potential_of, said_besides
-from .torch_here import device_of, first_line, require_torch
+from .edge_model import OfInputs
+from .loading import file_of, potential_of
+from .torch_here import device_of, first_line, require
 
 
-class _Energies:
-    takes_inputs = positions = True
+class _Energies(OfInputs):
+    positions = True
 
     def __init__(self, model, numbers, options, lists):
         self.model, self.numbers, self.options, self.lists = model, numbers, options, lists
@@ -83,11 +83,7 @@ def metatomic(
     positions or the cell beside lists of neighbours
     """
     name = "metatomic"
-    require_torch(name)
-    try:
-        from metatomic import torch as package
-    except ImportError:
-        raise AtcError(f"{name}: needs metatomic-torch, which is not installed: pip install metatomic-torch") from None
+    package = require("metatomic.torch", "metatomic-torch", name)
     path, given = file_of(model), model
     if path is not None:
         name = path.name
@@ -128,11 +124,13 @@ def metatomic(
     model = model.to(where)
     output = package.ModelOutput(unit="eV", sample_kind="atom")
     options = package.ModelEvaluationOptions(length_unit="angstrom", outputs={"energy": output})
-    term = EdgeModel(
+    return potential_of(
+        "metatomic",
+        "metatomic",
+        given,
         _Energies(model, list(capabilities.atomic_types), options, lists),
         cutoff,
         hops,
-        units="metal",
         species=[SYMBOLS[z - 1] if 1 <= z <= len(SYMBOLS) else str(z) for z in capabilities.atomic_types],
         types=types,
         stress=stress,
@@ -140,6 +138,4 @@ def metatomic(
         batch=batch,
         device=device,
         precision=own,
-        name=f"metatomic {name}" if path is not None else "metatomic",
     )
-    return potential_of(term, "metatomic", given, **said_besides(term, reference))

@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import AtcError
-from .edge_model import EdgeModel
-from .loading import eager, file_of, is_torchscript, own_copy, potential_of, said_besides, warn_of_code
-from .torch_here import device_of, first_line, require_torch
+from .edge_model import OfInputs
+from .loading import eager, file_of, is_torchscript, own_copy, potential_of, warn_of_code
+from .torch_here import first_line, require
 
 _WAY_OUT = "give the .nequip.zip of nequip-package or the .ckpt of training, not what nequip-compile wrote"
 
 
-class _Energies:
-    takes_inputs = True
-
+class _Energies(OfInputs):
     def __init__(self, model, energy):
         # `energy` is the part of `model` that derivatives are taken of.
         self.model, self.energy = model, energy
@@ -87,11 +85,7 @@ def nequip(
     AtcError for files that hold no such model, compiled ones, models whose forces are not the derivatives of an energy
     """
     name = "nequip"
-    require_torch(name)
-    try:
-        import nequip as package  # noqa: F401
-    except ImportError:
-        raise AtcError(f"{name}: needs nequip, which is not installed: pip install nequip") from None
+    require("nequip", "nequip", name)
     path, given = file_of(model), model
     if path is not None:
         name = path.name
@@ -104,9 +98,7 @@ def nequip(
         raise AtcError(f"{name}: the model is compiled, so that what its edges carry cannot be seen: {_WAY_OUT}")
     if not getattr(model, "is_graph_model", False):
         raise AtcError(f"{name}: expected a model of nequip, got {type(model).__name__}")
-    model, said = own_copy(
-        model, precision if precision in ("float32", "float64") else "float64", device_of(device, name)
-    )
+    model, said = own_copy(model, precision, device, name)
     _in_precision(model, precision)
     if not any(type(m).__name__ == "ForceStressOutput" for m in model.modules()):
         raise AtcError(
@@ -118,11 +110,13 @@ def nequip(
     if hops is None:
         hops = _hops(model, name)
     energies = _Energies(model, energy)
-    term = EdgeModel(
+    return potential_of(
+        "nequip",
+        "NequIP",
+        given,
         energies,
         float(metadata["r_max"]),
         hops,
-        units="metal",
         species=metadata["type_names"].split(),
         types=types,
         stress=stress,
@@ -130,11 +124,9 @@ def nequip(
         batch=batch,
         device=device,
         precision=precision,
-        name=f"NequIP {name}" if path is not None else "NequIP",
         own=energies.own,
         said=said,
     )
-    return potential_of(term, "nequip", given, **said_besides(term, reference))
 
 
 def _loaded(path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 from ...errors import AtcError
 
 
@@ -12,6 +14,15 @@ def require_torch(name):
         import torch  # noqa: F401
     except ImportError:
         raise AtcError(f"{name}: needs torch, which is not installed: pip install torch") from None
+
+
+def require(module: str, package: str, name: str):
+    """A module of a package for models in torch; AtcError where one of the two is not installed."""
+    require_torch(name)
+    try:
+        return import_module(module)
+    except ImportError:
+        raise AtcError(f"{name}: needs {package}, which is not installed: pip install {package}") from None
 
 
 def device_of(device, name):
