@@ -128,8 +128,8 @@ def record(energy, names, parameters, what: str) -> tuple[Tape, Value]:
 
 
 def _from_text(text: str, tape: Tape, names: dict):
-    """Evaluate an arithmetic expression: numbers, names, operators, functions, comparisons, ``a if c else b``. Nothing
-    else is accepted."""
+    """Evaluate an arithmetic expression: numbers, names, operators (``^`` and ``**`` are the power), functions,
+    comparisons, ``a if c else b``. Nothing else is accepted."""
     functions = {n: _function(n, getattr(np, n)) for n in UNARY} | _FUNCTIONS
     functions |= {
         "abs": _function("abs", abs),
@@ -173,7 +173,7 @@ def _from_text(text: str, tape: Tape, names: dict):
         raise NotRecorded(f"cannot read {ast.unparse(n)!r} in {text!r}: expected an arithmetic expression")
 
     try:
-        tree = ast.parse(text.strip(), mode="eval")
+        tree = ast.parse(text.strip().replace("^", "**"), mode="eval")
     except SyntaxError:
         raise NotRecorded(
             f"cannot read {text!r}: expected an arithmetic expression such as 'k*(d12 - r0)**2'"

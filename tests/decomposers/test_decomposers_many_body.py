@@ -101,6 +101,9 @@ def test_texts_and_sympy_are_the_same_as_functions():
     want = [v[0] for v in slopes_of(lambda a, b, c: 2.5 * (a - 0.3) ** 2 * np.exp(-b / c) + np.where(a < c, b, c), x)]
     text = "k*(d12 - r0)**2*exp(-d13/d23) + (d13 if d12 < d23 else d23)"
     F = compiled(batch_source(text, names, {"k": 2.5, "r0": 0.3}, "t"))
+    assert batch_source(text.replace("**", "^"), names, {"k": 2.5, "r0": 0.3}, "t") == batch_source(
+        text, names, {"k": 2.5, "r0": 0.3}, "t"
+    )
     U, G = np.zeros(1), np.zeros((1, 3))
     F(np.array([x]), U, G)
     np.testing.assert_allclose([U[0], *G[0]], [want[0], *want[1]], rtol=1e-14)

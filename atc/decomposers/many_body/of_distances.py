@@ -41,7 +41,7 @@ class ManyBody(ClusterTerm):
     ----------
     energy : function of the distances in the order 12, 13, .., 1K, 23, .. (plain Python with numpy's or math's
         functions, or numba-compiled); or a text
-        such as ``"k*(d12 - r0)**2*d23"``; or a sympy expression in symbols of those names
+        such as ``"k*(d12 - r0)^2*d23"`` (``**`` is the same power); or a sympy expression in symbols of those names
     atoms : (m, K) indices of atoms, from 0; atoms that follow one another in a tuple are taken at their closest images.
         Or ids : (m, K) atom ids.
     cutoff : instead of atoms: all pairs closer than this (K = 2), or all triples of a centre, atom 1, with two

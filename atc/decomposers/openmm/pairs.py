@@ -8,7 +8,8 @@ import numpy as np
 from ...errors import AtcError
 from ..base import Accumulator
 from ..bonded.cluster import ClusterTerm
-from ..pairs.gromacs import LennardJonesGromacs, joined_to_zero
+from ..pairs.charmm import force_switched_powers
+from ..pairs.gromacs import LennardJonesGromacs, shifted_powers
 from ..pairs.lennard_jones import LennardJones
 from ..pairs.loop import pair_law
 from ..pairs.radial import ChargedStyle, RadialStyle
@@ -61,9 +62,7 @@ class LennardJonesForceSwitched(RadialStyle):
     shifts = False
 
     def columns(self, A, B, switch, cutoff):
-        s3, c3 = switch**3, cutoff**3
-        k12, k6 = A * c3**2 / (c3**2 - s3**2), B * c3 / (c3 - s3)
-        return A, B, switch**2, -A / (s3 * c3) ** 2 + B / (s3 * c3), k12, k6, 1.0 / c3
+        return A, B, switch**2, *force_switched_powers(A, B, switch, cutoff)
 
     @pair_law
     def law(d2, a12, c6, switch2, offset, k12, k6, end3):
@@ -83,9 +82,7 @@ class LennardJonesShifted(LennardJonesGromacs):
     numbers = LennardJonesSwitched.numbers
 
     def columns(self, A, B, switch, cutoff):
-        r = cutoff
-        e, e1, e2 = A / r**12 - B / r**6, -12 * A / r**13 + 6 * B / r**7, 156 * A / r**14 - 42 * B / r**8
-        return A, B, switch, *joined_to_zero(e, e1, e2, switch, r)
+        return shifted_powers(A, B, switch, cutoff)
 
 
 #: By the words of `load.SWITCHES`.

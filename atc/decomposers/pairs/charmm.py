@@ -46,6 +46,14 @@ class LennardJonesCharmm(RadialStyle):
         return u * S, g * S + 2.0 * u * dS
 
 
+def force_switched_powers(a, c, inner, cutoff):
+    """Of a/d¹² − c/d⁶ with CHARMM's force switch: what is added up to the inner cutoff, what the squares beyond are
+    multiplied by, and 1/cutoff³."""
+    i3, c3 = inner**3, cutoff**3
+    k12, k6 = a * c3**2 / (c3**2 - i3**2), c * c3 / (c3 - i3)
+    return -a / (i3 * c3) ** 2 + c / (i3 * c3), k12, k6, 1 / c3
+
+
 class LennardJonesCharmmFSW(RadialStyle):
     """Lennard-Jones with CHARMM's force switch, the Lennard-Jones part of LAMMPS ``lj/charmmfsw/coul/charmmfsh``.
 
@@ -61,10 +69,8 @@ class LennardJonesCharmmFSW(RadialStyle):
 
     def columns(self, epsilon, sigma, inner, cutoff):
         a, c = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6
-        i3, c3 = inner**3, cutoff**3
-        k12, k6 = a * c3**2 / (c3**2 - i3**2), c * c3 / (c3 - i3)
-        offset = -a / (i3 * c3) ** 2 + c / (i3 * c3)
-        return a, c, inner**2, (cutoff**2 - inner**2) ** -3.0, offset, k12, k6, 1 / c3, cutoff**2
+        beyond = force_switched_powers(a, c, inner, cutoff)
+        return a, c, inner**2, (cutoff**2 - inner**2) ** -3.0, *beyond, cutoff**2
 
     @pair_law
     def law(d2, a12, c6, inner2, inverse, offset, k12, k6, per_volume, outer2):

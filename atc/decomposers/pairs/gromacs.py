@@ -24,6 +24,13 @@ def joined_to_zero(e, e1, e2, inner, outer):
     return A / 3, B / 4, C
 
 
+def shifted_powers(a, c, inner, cutoff):
+    """Coefficients of the law of `LennardJonesGromacs`, of a/d¹² − c/d⁶."""
+    r = cutoff
+    e, e1, e2 = a / r**12 - c / r**6, -12 * a / r**13 + 6 * c / r**7, 156 * a / r**14 - 42 * c / r**8
+    return a, c, inner, *joined_to_zero(e, e1, e2, inner, r)
+
+
 class LennardJonesGromacs(RadialStyle):
     """U = 4ε[(σ/d)¹² − (σ/d)⁶] + S(d) (LAMMPS ``lj/gromacs``).
 
@@ -36,11 +43,7 @@ class LennardJonesGromacs(RadialStyle):
     shifts = False
 
     def columns(self, epsilon, sigma, inner, cutoff):
-        a, c, r = 4 * epsilon * sigma**12, 4 * epsilon * sigma**6, cutoff
-        e = a / r**12 - c / r**6
-        e1 = -12 * a / r**13 + 6 * c / r**7
-        e2 = 156 * a / r**14 - 42 * c / r**8
-        return a, c, inner, *joined_to_zero(e, e1, e2, inner, r)
+        return shifted_powers(4 * epsilon * sigma**12, 4 * epsilon * sigma**6, inner, cutoff)
 
     @pair_law
     def law(d2, a12, c6, inner, A, B, C):
