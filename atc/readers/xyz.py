@@ -189,9 +189,7 @@ class ExtendedXyz(ScannedTrajectory):
 
     def _text(self, k):
         start, end, line, n = self._spans[k]
-        buf = self._bytes.read(start, end)
-        if len(buf) < end - start:
-            raise AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened")
+        buf = self._bytes_of(k, start, end)
         if buf[-1] != 10:
             buf = np.append(buf, np.uint8(10))
         body, _ = _parse.skip_lines(buf, 2)
@@ -289,8 +287,6 @@ class ExtendedXyz(ScannedTrajectory):
         )
 
     def _frame(self, k):
-        if not self._has(k):
-            raise IndexError(k)
         comment = self._comment(k)
         columns, where, line_of = self._columns_of(k)
         line = self._spans[k][2]

@@ -202,9 +202,7 @@ class LammpsBinaryDump(ScannedTrajectory):
 
     def _table(self, h: _Header, k: int) -> np.ndarray:
         self.frames_parsed += 1
-        raw = self._bytes.read(h.body, h.end).tobytes()
-        if len(raw) < h.end - h.body:
-            raise AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened")
+        raw = self._bytes_of(k, h.body, h.end).tobytes()
         parts, at = [], 0
         for _ in range(h.chunks):
             (m,) = struct.unpack_from(h.endian + "i", raw, at)
@@ -224,8 +222,6 @@ class LammpsBinaryDump(ScannedTrajectory):
             )
 
     def _frame(self, k):
-        if not self._has(k):
-            raise IndexError(k)
         h = self._headers[k]
         where = f"{self.source} frame {k}"
         table = self._table(h, k)

@@ -337,6 +337,18 @@ class ScannedTrajectory(LammpsTrajectory):
                 pass
         return self._found
 
+    def _bytes_of(self, k: int, start: int, end: int) -> np.ndarray:
+        """The bytes of frame k, which has been found from `start` to `end`."""
+        buf = self._bytes.read(start, end)
+        if len(buf) < end - start:
+            raise self._shorter(k)
+        return buf
+
+    def _shorter(self, k: int) -> AtcError:
+        return AtcError(
+            f"{self.source}, frame {k}: the file has become shorter since it was opened; is something writing it anew?"
+        )
+
     def close(self):
         self._bytes.close()
 

@@ -152,13 +152,9 @@ class LammpsDcd(ScannedTrajectory):
         return False
 
     def _frame(self, k):
-        if not self._has(k):
-            raise IndexError(k)
         where = f"{self.source} frame {k}"
         start = self._body + k * self._size
-        raw = self._bytes.read(start, start + self._size).tobytes()
-        if len(raw) < self._size:
-            raise AtcError(f"{self.source}, frame {k}: the file has become shorter since it was opened")
+        raw = self._bytes_of(k, start, start + self._size).tobytes()
         at, six, columns = 0, None, {}
         if self._has_cell:
             six = struct.unpack_from(self._endian + "6d", raw, 4)

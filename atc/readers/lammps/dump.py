@@ -348,16 +348,9 @@ class LammpsDump(ScannedTrajectory):
     # ------------------------------------------------------------------------------------------------------------------
 
     def _frame(self, k):
-        if not self._has(k):
-            raise IndexError(k)
         h = self._header_of(k)
         columns, where, line_of = self._columns_of(k, h)
         return self._build(columns, self._cell(h, k), k, where, h.step, h.time, line_of)
-
-    def _shorter(self, k: int) -> AtcError:
-        return AtcError(
-            f"{self.source}, frame {k}: the file has become shorter since it was opened; is something writing it anew?"
-        )
 
     def _cell(self, h: Header, k: int) -> Cell:
         words, rows, line = h.box
@@ -389,12 +382,9 @@ class LammpsDump(ScannedTrajectory):
     def _table(self, k: int, h: Header, first: int) -> dict:
         """The columns of frame k by name, in file order."""
         self.frames_parsed += 1
-        body, end, n = self._body[k], self._end[k], self._n[k]
-        buf = self._bytes.read(body, end)
+        n, buf = self._n[k], self._bytes_of(k, self._body[k], self._end[k])
         if n and buf[-1] != 10:
             buf = np.append(buf, np.uint8(10))
-        if len(buf) < end - body:
-            raise self._shorter(k)
         sample = self._words(buf[:65536]).tobytes().split(b"\n", 1)[0].split()[-len(h.columns) :] if n else []
         kinds = []
         for c, name in enumerate(h.columns):

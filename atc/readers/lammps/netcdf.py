@@ -166,8 +166,6 @@ class LammpsNetcdf(ScannedTrajectory):
         return out, f"{self.source} frame {k}", lambda row: f"atom {row + 1} of the file"
 
     def _frame(self, k):
-        if not self._has(k):
-            raise IndexError(k)
         columns, where, line_of = self._columns_of(k)
         if not columns:
             raise AtcError(f"{where}: no variable has a value for each atom")
