@@ -9,6 +9,7 @@ from test_special_bonds import DSF, LJ, SPECIAL, molecules
 
 import atc
 from atc.contracts import Interactions
+from atc.decomposers.base import Term
 from atc.errors import AtcError
 from atc.estimators.driver import fields_of
 from atc.estimators.tile_cuts import Cut
