@@ -117,12 +117,12 @@ class Term:
     units: Units | None = None
     #: the pair styles it sums, if it does
     styles: Sequence = ()
-    #: how many atoms one of its interactions has; 0: two, or as many as its `kind` says
-    bodies: int = 0
+    #: how many atoms one of its interactions has; above two, of a term with a cutoff: it goes through triplets
+    bodies: int = 2
+    #: how often it goes through the pairs within its cutoff: twice where it needs sums over an atom's neighbours first
+    sweeps: int = 1
     #: "bond", "angle", "dihedral", "improper": the list of a topology that it acts on, if it does
     kind: str | None = None
-    #: how far apart atoms of one interaction may be, if not `cutoff`
-    reach: float = 0.0
     #: what else the output's attributes say of it besides `describe`; of learned models: energy_path, precision,
     #: energy_reference, and energy_identity where it holds by construction (else it is measured, see
     #: `Accumulator.measured`)
@@ -148,6 +148,15 @@ class Term:
         that named it"""
         self.file_masses = self.map.masses(names, masses, where)
         return self
+
+    @property
+    def listed(self) -> bool:
+        """Whether its atoms stand in a list instead of being found around each other."""
+        return not self.cutoff > 0
+
+    def terms_of(self, frame: Frame) -> tuple[np.ndarray, np.ndarray] | None:
+        """(m, bodies) int32 atoms and (m,) int32 types of what is listed; None: it does not say."""
+        return None
 
     def covering(self, top: int) -> Term:
         """The term that acts in a frame whose types go up to `top`."""

@@ -47,7 +47,7 @@ class Tile:
         """`pot` of a whole frame, as it acts on the particles of this tile."""
         new, lists = copy(pot), iter(self.listed)
         new.setup = None  # the whole frame is complete
-        new.terms = [_with_tuples(term, next(lists)) if is_listed(term) else term for term in pot.terms]
+        new.terms = [_with_tuples(term, next(lists)) if term.listed else term for term in pot.terms]
         return new
 
 
@@ -55,11 +55,6 @@ def _with_tuples(term, tuples):
     new = copy(term)
     new.terms_of = lambda frame: tuples
     return new
-
-
-def is_listed(term) -> bool:
-    """Whether a term finds its atoms in a list instead of among neighbours."""
-    return not getattr(term, "reach", None) and not term.cutoff > 0
 
 
 class Cut:
@@ -79,8 +74,9 @@ class Cut:
         if pot.setup is not None:
             self.frame = frame = pot.complete(frame)
         self.pot.terms = [leaf for term in pot.terms for leaf in term.leaves(frame)]
-        for term in self.pot.terms:
-            if is_listed(term) and not hasattr(term, "terms_of"):
+        lists = [(term, term.terms_of(frame)) for term in self.pot.terms if term.listed]
+        for term, found in lists:
+            if found is None:
                 raise AtcError(
                     f"tiles: {term.describe().split(',')[0]} does not say which atoms it acts on: leave tiles out"
                 )
@@ -90,7 +86,7 @@ class Cut:
         self.s_nc -= self.wraps_nc
         self.home_nc = cell.cartesian(self.s_nc)
         self.halo = depth(self.pot, listed=True)
-        self.listed = [self._images(*term.terms_of(frame)) for term in self.pot.terms if is_listed(term)]
+        self.listed = [self._images(*found) for _, found in lists]
         self.special = self._special()
 
     def _images(self, atoms, types):
@@ -116,7 +112,7 @@ class Cut:
         if top is not None and top.weighted is not None:
             top = top.weighted
         for term in self.pot.terms:
-            special = getattr(term, "special", None)
+            special = term.special
             if isinstance(special, SpecialBonds) and top is not None and len(top.bonds) and not special.trivial:
                 return special.lists(top, len(self.frame))[:3]
         return None
@@ -177,7 +173,7 @@ def depth(pot, listed: bool = False) -> float:
     """How far around its own atoms a tile must know the others. Terms that find their atoms in a list do not count if
     `listed`; else they are refused."""
     for term in pot.terms:
-        if is_listed(term) and not listed:
+        if term.listed and not listed:
             raise AtcError(f"{term.describe().split(',')[0]} finds its atoms in a list, not around each other")
     return max((t.cutoff * (1.0 if t.pairwise else t.depth) for t in pot.terms), default=0.0) * (1 + 1e-9)
 

@@ -33,6 +33,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..decomposers.base import Term
+from ..errors import AtcError
+
 
 @dataclass
 class Costs:
@@ -199,57 +202,39 @@ def load_of(pot, frame) -> Load:
     known: dict[float, tuple] = {}
     total = {"pairs": 0.0, "triplets": 0.0, "tuples": 0.0, "bonds": 0.0}
     length = 0.0
-    terms = getattr(pot, "terms", None) or [pot]
-    any_triplets = any(_bodies(_innermost(term)) > 2 for term in terms)
+    terms = [leaf for term in pot.terms for leaf in term.leaves(frame) if not leaf.field]
+    if not pot.terms and pot.cutoff > 0:  # nothing is known of it: as if it were of pairs
+        terms = [Term()]
+        terms[0].cutoff = float(pot.cutoff)
+    any_triplets = any(term.bodies > 2 and not term.listed for term in terms)
     for term in terms:
-        term = _innermost(term)
-        cutoff = float(getattr(term, "reach", None) or term.cutoff)
-        many = _bodies(term) > 2
-        if cutoff <= 0:
+        if term.listed:
             m, k = _tuples(term, frame)
             total["tuples"] += m
             total["bonds"] += m * k * (k - 1) / 2
             length += m * k * (k - 1) / 2 * 1.5
             continue
-        if cutoff not in known:
-            known[cutoff] = neighborhood(frame, cutoff, triplets=any_triplets)
-        neighbors, triplets, distance, apart = known[cutoff]
+        if term.cutoff not in known:
+            known[term.cutoff] = neighborhood(frame, term.cutoff, triplets=any_triplets)
+        neighbors, triplets, distance, apart = known[term.cutoff]
         pairs = 0.5 * neighbors * n
-        # An embedding energy needs the densities first: the list is gone through twice.
-        total["pairs"] += pairs * (2 if type(term).__name__ == "EmbeddedAtom" else 1)
+        total["pairs"] += pairs * term.sweeps
         total["bonds"] += pairs
         length += pairs * distance
-        if many:
+        if term.bodies > 2:
             total["triplets"] += triplets * n
             total["bonds"] += triplets * n
             length += triplets * n * apart
     return Load(**total, length=length / total["bonds"] if total["bonds"] else 0.0)
 
 
-def _innermost(term):
-    while hasattr(term, "term"):
-        term = term.term
-    return term
-
-
-def _bodies(term) -> int:
-    """How many atoms meet in a term that finds its own neighbours."""
-    name = type(term).__name__
-    if name == "StillingerWeber":
-        return 3 if term.threebody else 2
-    if name in ("Tersoff", "AxilrodTeller"):
-        return 3
-    return int(getattr(term, "bodies", 2)) if not getattr(term, "pairwise", False) else 2
-
-
-def _tuples(term, frame) -> tuple[int, int]:
-    """How many listed tuples of how many atoms."""
-    kind = getattr(term, "kind", "")
-    k = int(getattr(term, "bodies", 0) or {"bond": 2, "angle": 3}.get(kind, 4))
-    found = getattr(frame.topology, f"{kind}s", None) if frame.topology is not None and kind else None
-    if found is None and hasattr(term, "terms_of"):
-        found = term.terms_of(frame)[0]
-    return (0 if found is None else len(found)), k
+def _tuples(term: Term, frame) -> tuple[int, int]:
+    """How many listed tuples of how many atoms; what is wrong with them is said where bonds are made."""
+    try:
+        found = term.terms_of(frame)
+    except AtcError:
+        found = None
+    return (0, 0) if found is None else found[0].shape
 
 
 # --- what the sums cost

@@ -10,6 +10,8 @@ from scipy.optimize import brentq
 from test_run import Stop, same, stop_after
 
 import atc
+from atc.decomposers import Potential, StillingerWeber
+from atc.decomposers.many_body.stillinger_weber_file import SWEntry
 from atc.deposit import exact_at, make
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.accuracy.input_error import input_errors
@@ -17,7 +19,7 @@ from atc.estimators.accuracy.random_points import Check
 from atc.estimators.driver import fields_of
 from atc.estimators.methods import Method, Refinement
 from atc.estimators.tightening import SAFE
-from atc.frame import Cell
+from atc.frame import Cell, Frame, Topology
 from atc.plan import Request, plan, prepare
 from atc.planning import method_choice
 from atc.planning.calibrate import argon, silicon
@@ -332,6 +334,42 @@ def test_silicon_has_as_many_bonds_as_the_model_says():
         load, d = load_of(pot, frame), pot.decompose(frame)
         assert load.bonds == pytest.approx(d.n_bonds, rel=0.05)
         assert load.length == pytest.approx(np.linalg.norm(d.bonds.r_bc, axis=1).mean(), rel=0.03)
+
+
+def test_listed_terms_count_whoever_stands_for_them():
+    n = 50
+    chain = np.column_stack([np.arange(n), np.arange(n) % 2, np.zeros(n)]) * 1.0
+    pairs, triples = (np.column_stack([np.arange(n - k)[:, None] + np.arange(k + 1)]) for k in (1, 2))
+    topology = Topology(
+        bonds=pairs, bond_types=1 + np.arange(n - 1) % 2, angles=triples, angle_types=np.ones(n - 2, int)
+    )
+    pot = atc.potential(
+        """bond_style hybrid harmonic fene
+        bond_coeff 1 harmonic 10 1.4
+        bond_coeff 2 fene 30 2.5 1 1
+        angle_style harmonic
+        angle_coeff * 5 100""",
+        units="lj",
+    )
+    frame = Frame(
+        chain, Cell(60 * np.eye(3), periodic=(False,) * 3), pot.units, types=np.ones(n, int), masses=np.ones(n),
+        topology=topology, source="chain",
+    )  # fmt: skip
+    load = load_of(pot, frame)
+    assert load.tuples == (n - 1) + (n - 2) and load.bonds == (n - 1) + 3 * (n - 2)
+    assert load.bonds == pot.decompose(frame).n_bonds
+
+
+@pytest.mark.parametrize("threebody", [True, False])
+def test_a_term_says_what_it_goes_through(threebody):
+    frame, pot = silicon(4)
+    (term,) = pot.terms
+    entries = {("Si", "Si", "Si"): SWEntry(2.1683, 2.0951, 1.8, 21.0, 1.2, -1 / 3, 7.049556277, 0.6022245584, 4, 0, 0)}
+    other = StillingerWeber.from_entries(entries, ["Si"], threebody=threebody)
+    load = load_of(Potential([other], "metal"), frame)
+    assert (load.triplets > 0) is threebody and load.pairs == load_of(pot, frame).pairs
+    other.sweeps = 2
+    assert load_of(Potential([other], "metal"), frame).pairs == 2 * load.pairs
 
 
 def test_visits_are_those_counted(liquid):

@@ -48,6 +48,7 @@ class AxilrodTeller(NeighborTerm):
 
     work = _ATMWork
     word = "triple-dipole"
+    bodies = 3
 
     def __init__(self, nu, cutoff: float, cutoff_triple: float, *, units: str | Units = "metal"):
         self.units = u = system(units)

@@ -67,6 +67,7 @@ class ConcentrationEAM(NeighborTerm):
     """
 
     work = _ConcentrationWork
+    sweeps = 2
     # A bond of i and j has X_j, which may have the concentrations of j's neighbours, which have their neighbours.
     depth = 3.0
     word = "EAM"

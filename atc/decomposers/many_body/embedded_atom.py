@@ -49,6 +49,8 @@ class EmbeddedAtom(Term):
     `from_setfl`, `from_funcfl`.
     """
 
+    sweeps = 2
+
     def __init__(
         self,
         tables: EAMTables,

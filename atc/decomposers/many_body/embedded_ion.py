@@ -133,6 +133,7 @@ class EmbeddedIon(NeighborTerm):
     """
 
     work = _EIMWork
+    sweeps = 2
     style, word = "eim", "EIM"
     # A bond of i and j has σ_j, which has the charges of j's neighbours, which have their neighbours.
     depth = 3.0

@@ -101,6 +101,7 @@ class LocalDensity(NeighborTerm):
     """
 
     work = _LocalDensityWork
+    sweeps = 2
     word = "local-density"
 
     def __init__(self, parts: list[LocalDensityPart], *, units: str | Units = "real"):

@@ -115,7 +115,6 @@ class ManyBody(ClusterTerm):
             if parameters:
                 raise AtcError(f"{name}: parameters= does not go with gradient=: put the numbers into the functions")
             self.source, self.functions = None, (energy, gradient)
-        self.reach = 0.0
         if cutoff is not None:
             if k not in (2, 3):
                 raise AtcError(
@@ -123,10 +122,10 @@ class ManyBody(ClusterTerm):
                 )
             if not (np.isfinite(cutoff) and cutoff > 0):
                 raise AtcError(f"{name}: the cutoff must be a positive number, got {cutoff}")
-            self.reach = self.cutoff = float(u.to_internal("length", cutoff))
+            self.cutoff = float(u.to_internal("length", cutoff))
         self.types = self._types(types)
         ends = self.types[1:]
-        exchangeable = self.reach > 0 and k == 3 and (None in ends or bool(ends[0] & ends[1]))
+        exchangeable = not self.listed and k == 3 and (None in ends or bool(ends[0] & ends[1]))
         if gradient is not None or exchangeable:
             self._check(gradient is not None, exchangeable, cutoff)
 
@@ -152,7 +151,7 @@ class ManyBody(ClusterTerm):
     def _types(self, types):
         if types is None:
             return [None] * self.bodies
-        if not self.reach:
+        if self.listed:
             raise AtcError(f"{self.name}: types= goes with cutoff=; listed tuples are taken as they are")
         out = [None if t is None else frozenset(np.atleast_1d(t).astype(int).tolist()) for t in types]
         if len(out) != self.bodies:
@@ -228,7 +227,7 @@ class ManyBody(ClusterTerm):
     @property
     def partitions(self) -> dict:
         # Listed tuples may have their centre anywhere.
-        return {"equal": "equal", "center": "first"} if self.reach and self.bodies == 3 else {"equal": "equal"}
+        return {"equal": "equal", "center": "first"} if self.bodies == 3 and not self.listed else {"equal": "equal"}
 
     def share(self, partition) -> None:
         """From now on share the energy of a tuple like this; see the parameter."""
@@ -269,7 +268,7 @@ class ManyBody(ClusterTerm):
         return first_not_finite(U, G)
 
     def prepare(self, frame: Frame) -> Work:
-        return _TupleWork(self, frame) if self.reach else super().prepare(frame)
+        return super().prepare(frame) if self.listed else _TupleWork(self, frame)
 
     @property
     def word(self) -> str:

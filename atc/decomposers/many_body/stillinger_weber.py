@@ -144,6 +144,7 @@ class StillingerWeber(OfTriplets):
         entries, names = self.take(entries, elements, u)
         self.elements, self.names = elements, names
         self.threebody = bool(threebody)
+        self.bodies = 3 if threebody else 2
         #: outer bonds with |G| at or below this are left out (unless energy sources are wanted). 0 drops what is
         #: exactly zero and nothing else.
         self.prune = 0.0
@@ -241,7 +242,6 @@ class StillingerWeberMod(StillingerWeber):
     """
 
     style = "sw/mod"
-    bodies = 3
     angular = SWITCHED
     deltas = (0.25, 0.35)
 

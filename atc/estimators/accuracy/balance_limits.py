@@ -28,11 +28,7 @@ def cutoff_jumps(frame, pot, threads: int = 1) -> list[CutoffJump]:
     frame."""
     found = []
     for term in pot.terms:
-        while hasattr(term, "term"):
-            term = term.term
-        top = int(frame.types.max(initial=1))
-        grown = getattr(term, "_grown", {}).get(top, term)
-        for style in getattr(grown, "styles", ()):
+        for style in term.inner.covering(int(frame.types.max(initial=1))).styles:
             found += _jumps_of(style, frame)
     if not found:
         return []
