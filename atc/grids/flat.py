@@ -7,8 +7,8 @@ import numpy as np
 from ..errors import AtcError
 
 
-def _layers(shape, flat: bool):
-    """Three numbers of points: of one layer if `flat`. See `_shape_or_spacing` for what 0 and less mean."""
+def layers(shape, flat: bool):
+    """Three numbers of points: of one layer if `flat`. See `checks.shape_or_spacing` for what 0 and less mean."""
     if shape is None:
         return None
     n = shape[-1]
@@ -21,7 +21,7 @@ def _layers(shape, flat: bool):
     return (*shape[:2], 1 if flat else abs(n))
 
 
-def _in_space(z, units, what, points):
+def in_space(z, units, what, points):
     """Points that were given by two numbers or three, in the plane z (None: three dimensions, as they are); an error
     for points off the plane."""
     if z is None:
@@ -40,7 +40,7 @@ def _in_space(z, units, what, points):
     return out
 
 
-def _directions(what, vectors, flat: bool):
+def directions(what, vectors, flat: bool):
     """Edge vectors, given by two numbers or three."""
     if not flat:
         return vectors

@@ -12,9 +12,10 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Cell
+from . import checks, curved, planes
 from .bound import BoundGrid
-from .checks import _at, _axis, _counts, _numbers, _padding, _points, _region, _shape_or_spacing
-from .flat import _directions, _in_space, _layers
+from .flat import directions, in_space, layers
+from .padding import extended, open_axes
 
 #: What grids may move with: the centre of mass, or the interface on one side of the denser phase.
 FOLLOWS = ("mass", "+x", "-x", "+y", "-y", "+z", "-z")
@@ -72,21 +73,21 @@ class Grid:
         AtcError
             For a zero shape, a spacing that is not positive, numbers that are not finite, a region without volume.
         """
-        shape, spacing = _shape_or_spacing(shape, spacing, 3)
-        shift = _at(at)
+        shape, spacing = checks.shape_or_spacing(shape, spacing, 3)
+        shift = checks.at(at)
         if vectors is not None:
             if cell is not None:
                 raise AtcError("give a grid's region as cell or as vectors, not both")
             cell = vectors
-        origin = None if origin is None else _points("grid origin", origin, (3,))
+        origin = None if origin is None else checks.points("grid origin", origin, (3,))
         if cell is not None and not isinstance(cell, Cell):
-            cell = _region(cell)
+            cell = checks.region(cell)
         if padding is not None and not (cell is None and origin is None):
             raise AtcError("padding extends a grid over the cell: give a region of your own as large as it should be")
         if isinstance(cell, Cell) and not cell.complete:
             raise AtcError("the grid's cell has an edge without length: give the region's edge vectors")
         given = {"cell": cell, "spacing": spacing, "shape": shape, "shift": shift, "origin": origin}
-        return cls("regular", {**given, **_padding(padding)})
+        return cls("regular", {**given, **checks.padding(padding)})
 
     @classmethod
     def plane(
@@ -116,19 +117,19 @@ class Grid:
         padding : length or "auto"
             How far a cross-section of the cell reaches beyond its open faces, as for `regular`.
         """
-        shape, spacing = _shape_or_spacing(shape, spacing, 2)
-        points = {"shape": shape, "spacing": spacing, "shift": _at(at)}
+        shape, spacing = checks.shape_or_spacing(shape, spacing, 2)
+        points = {"shape": shape, "spacing": spacing, "shift": checks.at(at)}
         if axis is not None:
             if not (origin is None and u is None and v is None):
                 raise AtcError("give a plane as origin, u and v or as axis and position, not both")
-            position = None if position is None else float(_numbers("plane position", position, ()))
-            return cls("plane", {"axis": _axis(axis), "position": position, **points, **_padding(padding)})
+            position = None if position is None else float(checks.numbers("plane position", position, ()))
+            return cls("plane", {"axis": checks.axis(axis), "position": position, **points, **checks.padding(padding)})
         if padding is not None:
             raise AtcError("padding extends a cross-section of the cell: give u and v as long as they should be")
         if u is None or v is None:
             raise AtcError("a plane needs two edge vectors u and v, or an axis")
-        origin = _points("plane origin", (0, 0, 0) if origin is None else origin, (3,))
-        u, v = _points("plane u", u, (3,)), _points("plane v", v, (3,))
+        origin = checks.points("plane origin", (0, 0, 0) if origin is None else origin, (3,))
+        u, v = checks.points("plane u", u, (3,)), checks.points("plane v", v, (3,))
         a, b = np.nan_to_num(u), np.nan_to_num(v)
         if np.linalg.norm(np.cross(a, b)) <= 1e-14 * np.linalg.norm(a) * np.linalg.norm(b):
             raise AtcError("the plane's edge vectors u and v are parallel or zero")
@@ -137,8 +138,8 @@ class Grid:
     @classmethod
     def line(cls, start, end, n) -> Grid:
         """`n` points from `start` to `end`, both included (with n = 1, `start`)."""
-        start, end = _points("line start", start, (3,)), _points("line end", end, (3,))
-        (n,) = _counts("number of points on the line", n, 1)
+        start, end = checks.points("line start", start, (3,)), checks.points("line end", end, (3,))
+        (n,) = checks.counts("number of points on the line", n, 1)
         if n > 1 and not np.nan_to_num(end - start).any():
             raise AtcError("the line's start and end are the same point")
         return cls("line", {"start": start, "end": end, "n": n})
@@ -154,11 +155,11 @@ class Grid:
         place of the plane through its centre, exactly: the sum over bins times their width is the whole, however wide
         they are.
         """
-        (bins,) = _counts("number of bins", bins, 1)
+        (bins,) = checks.counts("number of bins", bins, 1)
         if not isinstance(means, bool):
             raise AtcError(f"slab means {means!r}: expected true (over the width of bins) or false (at their centres)")
-        more = _padding(padding) | ({"means": True} if means else {})
-        return cls("slab", {"axis": _axis(axis), "bins": bins, **more})
+        more = checks.padding(padding) | ({"means": True} if means else {})
+        return cls("slab", {"axis": checks.axis(axis), "bins": bins, **more})
 
     @classmethod
     def planes(cls, axis, positions=None, *, n=None, at="centers", patches=None, interval=None) -> Grid:
@@ -183,10 +184,8 @@ class Grid:
         AtcError
             For positions that do not ascend, or both positions and n.
         """
-        from .planes import checked
-
-        given = {"positions": positions, "n": n, "patches": patches, "interval": interval, "shift": _at(at)}
-        return cls("planes", checked(axis=_axis(axis), **given, numbers=_numbers, counts=_counts))
+        given = {"positions": positions, "n": n, "patches": patches, "interval": interval, "shift": checks.at(at)}
+        return cls("planes", planes.checked(axis=checks.axis(axis), **given))
 
     @classmethod
     def points(cls, xyz) -> Grid:
@@ -194,7 +193,9 @@ class Grid:
         a = np.asarray(xyz, dtype=object)
         if a.size == 0:
             raise AtcError("the grid has no points")
-        return cls("points", {"xyz": _points("grid points", [xyz] if a.shape in ((2,), (3,)) else xyz, (None, 3))})
+        return cls(
+            "points", {"xyz": checks.points("grid points", [xyz] if a.shape in ((2,), (3,)) else xyz, (None, 3))}
+        )
 
     @classmethod
     def atoms(cls) -> Grid:
@@ -215,7 +216,7 @@ class Grid:
         axis : "x", "y" or "z"; phi is counted from the next axis to the one after it (z: from x to y).
         length : along the axis; default the first frame's cell.
         """
-        given = {"center": center, "radius": radius, "inner": inner, "shape": shape, "axis": _axis(axis)}
+        given = {"center": center, "radius": radius, "inner": inner, "shape": shape, "axis": checks.axis(axis)}
         return cls._curved("cylindrical", length=length, **given)
 
     @classmethod
@@ -230,14 +231,12 @@ class Grid:
         center : three floats; default the middle of the first frame's cell.
         axis : "x", "y" or "z", which theta is counted from
         """
-        given = {"center": center, "radius": radius, "inner": inner, "shape": shape, "axis": _axis(axis)}
+        given = {"center": center, "radius": radius, "inner": inner, "shape": shape, "axis": checks.axis(axis)}
         return cls._curved("spherical", length=None, **given)
 
     @classmethod
     def _curved(cls, kind, **given) -> Grid:
-        from .curved import checked
-
-        return cls(kind, checked(kind, **given, numbers=_numbers, counts=_counts))
+        return cls(kind, curved.checked(kind, **given))
 
     def following(self, what="mass") -> Grid:
         """The same grid, moving since the first frame with the atoms, or with those selected.
@@ -266,9 +265,7 @@ class Grid:
     @property
     def local_axes(self) -> tuple[str, ...]:
         """What vectors and tensors are components along, if not x, y, z: (r, phi, z) or (r, theta, phi)."""
-        from .curved import AXES
-
-        return AXES.get(self.kind, ())
+        return curved.AXES.get(self.kind, ())
 
     def __eq__(self, other):
         return isinstance(other, Grid) and self.kind == other.kind and _same(self._, other._)
@@ -283,6 +280,11 @@ class Grid:
         return self.kind == "slab" or (
             self.kind in ("regular", "plane") and self._.get("cell", self._.get("u")) is None
         )
+
+    @property
+    def padding(self) -> float | str | None:
+        """How far it reaches beyond open faces of the cell; "auto": as far as the kernel."""
+        return self._.get("padding")
 
     @property
     def over_cell(self) -> bool:
@@ -328,9 +330,7 @@ class Grid:
             reach = (f" from {p['inner']:g}" if p["inner"] else "") + f" to radius {p['radius']:g}"
             return f"{self.kind},{reach}, {how}, components along {', '.join(self.local_axes)}"
         if self.kind == "planes":
-            from .planes import described
-
-            return described(p)
+            return planes.described(p)
         if self.kind == "line":
             return f"line, {p['n']} points"
         if self.kind == "slab":
@@ -347,10 +347,8 @@ class Grid:
         """This grid with the numbers of points that its spacing gives in this cell: where the cell changes, the points
         move with it and stay as many."""
         if self.local_axes:
-            from .curved import settled
-
             cell = cell if cell.complete else cell.completed(np.zeros((0, 3)) if positions is None else positions)
-            return Grid(self.kind, settled(self.kind, self._, units, cell))
+            return Grid(self.kind, curved.settled(self.kind, self._, units, cell))
         if self._.get("spacing") is None:
             return self
         return Grid(self.kind, {**self._, "spacing": None, "shape": self.bind(units, cell, positions).counts})
@@ -360,7 +358,7 @@ class Grid:
         and there one layer and no planes across."""
         p, shown = self._, {"cell": "vectors", "xyz": "points"}
         if self.kind == "regular":
-            _layers(p["shape"], dimension == 2)
+            layers(p["shape"], dimension == 2)
         if dimension == 3:
             for key, value in p.items():
                 if isinstance(value, np.ndarray) and np.isnan(value).any():
@@ -392,7 +390,7 @@ class Grid:
         self.require_dimension(units.dimension)
         flat = units.dimension == 2
         # Where the plane of a two-dimensional run is: in the middle of its cell.
-        place = partial(_in_space, cell.origin[2] + 0.5 * cell.vectors[2, 2] if flat else None, units)
+        place = partial(in_space, cell.origin[2] + 0.5 * cell.vectors[2, 2] if flat else None, units)
         if self.kind == "atoms":
             if positions is None or len(positions) == 0:
                 raise AtcError("a grid of atoms needs a frame with atoms")
@@ -402,23 +400,19 @@ class Grid:
         if not cell.complete:
             cell = cell.completed(np.zeros((0, 3)) if positions is None else positions)
         if self.local_axes:
-            from .curved import points, settled
-
-            xyz, basis, values = points(self.kind, settled(self.kind, p, units, cell), f)
+            xyz, basis, values = curved.points(self.kind, curved.settled(self.kind, p, units, cell), f)
             bound = BoundGrid(self.kind, cell, self.local_axes, xyz=np.ascontiguousarray(xyz), counts=p["shape"])
             bound.basis_gcc, bound.along = basis, values
             return bound
         if self.kind == "planes":
-            from .planes import bound as planes_in
-
-            found = planes_in(p, cell, f)
-            planes = BoundGrid("planes", cell, found["dims"], xyz=found["xyz"], counts=found["counts"], axis=p["axis"])
-            planes.along, planes.shares_p = found["along"], found["shares_p"]
-            return planes
+            found = planes.bound(p, cell, f)
+            bound = BoundGrid("planes", cell, found["dims"], xyz=found["xyz"], counts=found["counts"], axis=p["axis"])
+            bound.along, bound.shares_p = found["along"], found["shares_p"]
+            return bound
         own, cell = cell, self._padded(cell, f)
         if self.kind == "line":
             n, start, _ = p["n"], place("line start", p["start"] * f), place("line end", p["end"] * f)
-            steps = _directions("line", (p["end"] - p["start"])[None] * f / max(n - 1, 1), flat)
+            steps = directions("line", (p["end"] - p["start"])[None] * f / max(n - 1, 1), flat)
             return BoundGrid("line", cell, ("s",), origin=start - cell.origin, steps=steps, counts=(n,))
         if self.kind == "slab":
             n, a = p["bins"], p["axis"]  # deposited in the padded cell, whose cross-section is the same
@@ -430,7 +424,7 @@ class Grid:
         if self.kind == "plane":
             if p["axis"] is None:
                 origin, edges = place("plane origin", p["origin"] * f) - cell.origin, np.stack([p["u"], p["v"]]) * f
-                edges = _directions("plane edge", edges, flat)
+                edges = directions("plane edge", edges, flat)
                 name: tuple[str, ...] = ("u", "v")
             else:
                 a = p["axis"]
@@ -449,8 +443,8 @@ class Grid:
             if p["origin"] is not None:
                 origin = p["origin"] * f - own.origin
         layer = flat and self.kind == "regular"  # in the plane; what the region says of z is of no account
-        edges = _directions("grid region", edges[:2], True) if layer else edges
-        shape = _layers(p["shape"], flat) if self.kind == "regular" else p["shape"]
+        edges = directions("grid region", edges[:2], True) if layer else edges
+        shape = layers(p["shape"], flat) if self.kind == "regular" else p["shape"]
         if shape is None:
             wanted = np.linalg.norm(edges, axis=1) / (p["spacing"][: len(edges)] * f)
             shape = (*(int(k) for k in np.maximum(np.round(wanted), 1)), *([1] if layer else []))
@@ -462,11 +456,8 @@ class Grid:
 
     def _padded(self, cell, factor) -> Cell:
         """The cell with its open faces as far out as the grid's padding says."""
-        padding = self._.get("padding")
-        if padding is None:
+        if self.padding is None:
             return cell
-        if isinstance(padding, str):
+        if isinstance(self.padding, str):
             raise AtcError('grid padding = "auto" is the reach of a kernel: give a length where there is none')
-        from .padding import extended, open_axes
-
-        return extended(cell, open_axes(self.kind, self._.get("axis"), cell), padding * factor)
+        return extended(cell, open_axes(self.kind, self._.get("axis"), cell), self.padding * factor)
