@@ -13,8 +13,7 @@ import warnings
 import numpy as np
 
 from .. import pd
-from ..config.formula import Formula
-from ..config.schema import (
+from ..config.checks import (
     INFLUENCE_EXPECTED,
     Key,
     _either,
@@ -24,6 +23,7 @@ from ..config.schema import (
     _positive,
     _string,
 )
+from ..config.formula import Formula
 from ..config.schema import SCHEMA as SCENE
 from ..errors import AtcError, AtcWarning
 from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants

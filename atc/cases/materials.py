@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import inspect
 
-from ..config.schema import INFLUENCE_EXPECTED, Key, _boolean, _influence, _not_negative, _number, _positive
+from ..config.checks import INFLUENCE_EXPECTED, Key, _boolean, _influence, _not_negative, _number, _positive
 from ..config.words import guess
 from ..errors import AtcError
 from .influence import influence_of

@@ -6,8 +6,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
-from ..config.schema import SCHEMA as SCENE
-from ..config.schema import (
+from ..config.checks import (
     Key,
     _boolean,
     _choice,
@@ -23,6 +22,7 @@ from ..config.schema import (
     described,
     json_of,
 )
+from ..config.schema import SCHEMA as SCENE
 
 
 def _bound(v):
