@@ -18,7 +18,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..config.toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
+from ..config.document import Document, read_document
+from ..config.toml import complaint, key_lines, parse, shown, toml_key, toml_value
 from ..config.words import guess
 from ..errors import AtcError
 from .crystals import check as check_crystals
@@ -101,10 +102,6 @@ class Case(Document):
         return case
 
     # ---- complaints
-
-    def bad(self, path, why) -> AtcError:
-        """An error at a key: `path` = (section, key) or (section, number, key)."""
-        return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
 
     def wrong(self, path, why) -> AtcError:
         """An error at a section: `path` = (section,) or (section, number)."""
