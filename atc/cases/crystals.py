@@ -65,7 +65,7 @@ _NEEDED = ("potential", "structure", "lattice_constant", "mass")
 def check(case) -> None:
     """Raise for what these materials lack, or what does not go with them."""
     body = case.data["body"]
-    for path, m in case.tables("material"):
+    for path, m in case.tables_of("material"):
         model = m["model"]
         if model not in KEYS:
             continue

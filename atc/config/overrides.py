@@ -1,4 +1,4 @@
-"""Keys of a scene that are set by flags (``--set kernel.radius=10``) or from Python."""
+"""Keys of a scene or case that are set by flags (``--set kernel.radius=10``) or from Python."""
 
 from __future__ import annotations
 
@@ -6,40 +6,41 @@ import tomllib
 from collections.abc import Mapping
 
 from ..errors import AtcError
-from .schema import SCHEMA
 from .toml import parse
 from .words import unknown
 
 
-def overridden(overrides):
-    """((section, key), value, flag) of each override."""
-    if not overrides:
-        return
+def overridden(overrides, document):
+    """((section, key), value, flag) of each override of a document."""
     if isinstance(overrides, Mapping):
         for dotted, value in overrides.items():
-            yield _setting_path(dotted, dotted), value, dotted
+            yield _setting_path(dotted, dotted, document), value, dotted
         return
-    for text in overrides:
+    for text in overrides or ():
         dotted, eq, value = text.partition("=")
         flag = f"--set {text}"
         if not eq:
-            raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. --set kernel.radius=10")
-        section, key = path = _setting_path(dotted.strip(), flag)
+            raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. --set {document.example}")
+        section, key = path = _setting_path(dotted.strip(), flag, document)
         yield path, _typed(section, key, value.strip()), flag
 
 
-def _setting_path(dotted: str, flag: str) -> tuple[str, str]:
+def _setting_path(dotted: str, flag: str, document) -> tuple[str, str]:
+    tables = document.tables
     section, dot, key = dotted.partition(".")
+    if section in document.arrays:
+        why = f"there may be several [[{section}]]: edit the {document.what}"
+        raise AtcError(f"{flag}: expected SECTION.KEY=VALUE with a section of which there is one; {why}")
     if not dot:
-        homes = [s for s in SCHEMA if dotted in SCHEMA[s]]
+        homes = [s for s in tables if dotted in tables[s]]
         hint = f"did you mean {homes[0]}.{dotted}? " if homes else ""
         raise AtcError(
-            f"{flag}: expected SECTION.KEY=VALUE, e.g. kernel.radius=10; {hint}got only {dotted!r} before the ="
+            f"{flag}: expected SECTION.KEY=VALUE, e.g. {document.example}; {hint}got only {dotted!r} before the ="
         )
-    if section not in SCHEMA:
-        raise AtcError(f"{flag}: {unknown(f'section {section!r}', section, SCHEMA)}")
-    if key not in SCHEMA[section]:
-        raise AtcError(f"{flag}: {unknown(f'key {key!r} in [{section}]', key, SCHEMA[section])}")
+    if section not in tables:
+        raise AtcError(f"{flag}: {unknown(f'section {section!r}', section, tables)}")
+    if key not in tables[section] and tables[section]:  # names of regions are anybody's
+        raise AtcError(f"{flag}: {unknown(f'key {key!r} in [{section}]', key, tables[section])}")
     return section, key
 
 

@@ -48,11 +48,11 @@ def potential(scene):
         units = scene.get("trajectory", "units") or whole(scene).units.name
     # Empty lines in front, so that what is wrong with line 3 of the text is reported at its line of the scene.
     line = 0
-    if ("potential", "lammps") not in scene._flags:
-        line = scene._lines.get(("potential", "lammps"), 0)
-        opening = scene._text.split("\n")[line - 1].partition("=")[2].strip() if line else ""
+    if ("potential", "lammps") not in scene.flags:
+        line = scene.lines.get(("potential", "lammps"), 0)
+        opening = scene.text.split("\n")[line - 1].partition("=")[2].strip() if line else ""
         line -= bool(line) and opening not in ('"""', "'''")
-    name = scene._flags.get(("potential", "lammps"), scene.name)
+    name = scene.flags.get(("potential", "lammps"), scene.name)
     return _shared(scene, potential("\n" * line + text + "\n", units=units, folder=scene.folder, name=name), partition)
 
 

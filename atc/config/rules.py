@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
-from ..errors import AtcError
 from .potentials import LEARNED, RUN, SYSTEMS
 from .schema import GRIDS, SCHEMA
 from .words import unknown
@@ -13,12 +10,7 @@ from .words import unknown
 def check(scene) -> None:
     """Raise for what is no value of its key, and for keys that do not go together."""
     for section, table in scene.data.items():
-        known = SCHEMA[section]
-        for key in table:
-            if key not in known:
-                what = unknown(f"key {key!r} in [{section}]", key, known)
-                raise AtcError(f"{scene.where(section, key)}: {what}")
-            scene.check_value(known[key], table, key, partial(scene.bad, (section, key)))
+        scene.check_table((section,), table, SCHEMA[section])
     unneeded = "dispersion" in scene.data and "trajectory" not in scene.data
     if "file" not in scene.data.get("trajectory", {}) and not unneeded:
         raise scene.need("trajectory", 'it needs file, the trajectory to read, e.g. file = "run.dump"')

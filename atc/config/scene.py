@@ -8,10 +8,7 @@ the scene file, lengths in the trajectory's unit style.
 
 from __future__ import annotations
 
-import os
 import shutil
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,12 +16,10 @@ from typing import Any
 from ..errors import AtcError
 from ..readers.whole import whole_text
 from . import potentials, trajectories
-from .document import Document, read_document
-from .overrides import overridden
+from .document import Document
 from .rules import check, require_complete
 from .schema import SCHEMA
-from .toml import complaint, key_lines, parse, toml_document
-from .words import unknown
+from .toml import toml_document
 
 
 @dataclass
@@ -38,71 +33,17 @@ class Scene(Document):
     name : what to call the scene in messages
     """
 
-    data: dict[str, dict[str, Any]]
-    folder: Path = field(default_factory=Path, compare=False)
-    name: str = field(default="scene", compare=False)
-    _lines: dict = field(default_factory=dict, repr=False, compare=False)
-    _flags: dict = field(default_factory=dict, repr=False, compare=False)
-    _text: str = field(default="", repr=False, compare=False)
+    what = "scene"
+    example = "kernel.radius=10"
+    tables = SCHEMA
+
     #: (what it was made from, potential), the last one read
     made: tuple = field(default=(None, None), repr=False, compare=False)
     #: of frames that come from a running simulation, once it is opened
     stream: Any = field(default=None, repr=False, compare=False)
 
-    # ---- making one
-
-    @classmethod
-    def load(cls, source: str | os.PathLike | Mapping, overrides: Mapping[str, Any] | list[str] | None = None) -> Scene:
-        """Read and check a scene.
-
-        Parameters
-        ----------
-        source : path of a TOML file, or a mapping of sections
-        overrides : ``{"kernel.radius": 10}`` or ``["kernel.radius=10"]`` (the value as TOML, or a bare word)
-
-        Raises
-        ------
-        AtcError : naming file, line and key, for anything unknown, missing or malformed
-        """
-        if isinstance(source, Scene):
-            return cls.load({s: dict(t) for s, t in source.data.items()}, overrides)._placed(source)
-        if isinstance(source, Mapping):
-            data = {k: dict(v) if isinstance(v, Mapping) else v for k, v in source.items()}
-            return cls._build(data, Path(), "scene", {}, overrides)
-        path = Path(source)
-        return cls.loads(read_document(path, "scene"), name=str(path), folder=path.parent, overrides=overrides)
-
-    @classmethod
-    def loads(cls, text: str, name: str = "scene", folder: str | os.PathLike = ".", overrides=None) -> Scene:
-        """Check a scene given as TOML text."""
-        try:
-            data = parse(text)
-        except tomllib.TOMLDecodeError as e:
-            raise AtcError(complaint(name, text, e)) from None
-        scene = cls._build(data, Path(folder), name, key_lines(text), overrides)
-        scene._text = text
-        return scene
-
-    def _placed(self, other: Scene) -> Scene:
-        self.folder, self.name, self._lines, self._text = other.folder, other.name, other._lines, other._text
-        return self
-
-    @classmethod
-    def _build(cls, data, folder, name, lines, overrides):
-        scene = cls(data, folder, name, lines)
-        for section, table in data.items():
-            if section not in SCHEMA:
-                raise AtcError(f"{scene.where(section)}: {unknown(f'section [{section}]', section, SCHEMA)}")
-            if not isinstance(table, dict):
-                raise AtcError(
-                    f"{scene.where(section)}: {section} must be a section: write [{section}] and its keys below"
-                )
-        for path, value, flag in overridden(overrides):
-            section, key = path
-            scene.data.setdefault(section, {})[key] = value
-            scene._flags[section, key] = flag
-        check(scene)
-        return scene
+    def check(self) -> None:
+        check(self)
 
     def require_complete(self) -> None:
         """Raise unless all is there that the quantities asked for need."""
@@ -183,15 +124,6 @@ class Scene(Document):
                     "bonds: whose ends? say which atoms: types, elements, ids, molecules, groups, region or atoms"
                 )
         return out
-
-    def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
-        """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here,
-        before anything is computed; with `resume` it may be that of a run which only has to clear away."""
-        from ..running.output import require_place
-
-        path, where = self.result(given)
-        require_place(path, where, overwrite, resume)
-        return path
 
     def arguments(self, jobs: int = 1) -> dict:
         """The arguments of `atc.fields` (and `atc.plan`) this scene stands for.
@@ -308,8 +240,8 @@ class Scene(Document):
     def to_toml(self) -> str:
         """The resolved scene as TOML. Absolute paths lose what lies outside the scene's folder, so that no user or host
         name is kept."""
-        sections = {s: {k: self._plain(s, k, v) for k, v in self.data.get(s, {}).items()} for s in SCHEMA}
-        return toml_document(sections)
+        sections = {s: table for s in SCHEMA if (table := self.data.get(s))}
+        return toml_document({s: {k: self._plain(s, k, v) for k, v in table.items()} for s, table in sections.items()})
 
     def _plain(self, section, key, value):
         """A value without the folders of a path."""
@@ -336,7 +268,7 @@ class Scene(Document):
         """Change one key and check the scene again; `flag` is what a complaint then names."""
         before = {s: dict(t) for s, t in self.data.items()}
         self.data.setdefault(section, {})[key] = value
-        self._flags[section, key] = flag or f"{section}.{key}"
+        self.flags[section, key] = flag or f"{section}.{key}"
         try:
             check(self)
         except AtcError:

@@ -134,13 +134,13 @@ def toml_value(v) -> str:
     raise TypeError(f"{type(v).__name__} has no TOML form")
 
 
-def toml_document(sections: Mapping[str, Mapping]) -> str:
-    """Sections as TOML, empty ones left out; what stands at the key "#" as a comment."""
+def toml_document(sections: Mapping[str, Mapping | list[Mapping]]) -> str:
+    """Sections as TOML, of a list of tables one each; what stands at the key "#" as a comment."""
     out = []
-    for name, table in sections.items():
-        if table:
+    for name, given in sections.items():
+        for table in given if isinstance(given, list) else [given]:
             lines = (f"# {v}" if k == "#" else f"{toml_key(k)} = {toml_value(v)}" for k, v in table.items())
-            out += [f"[{name}]", *lines, ""]
+            out += [f"[[{name}]]" if isinstance(given, list) else f"[{name}]", *lines, ""]
     return "\n".join(out)
 
 
