@@ -77,9 +77,7 @@ class Document:
         AtcError : naming file, line and key, for anything unknown, missing or malformed
         """
         if isinstance(source, Document):
-            new = cls(_copied(source.data))._made(overrides)
-            new.folder, new.name, new.lines, new.text = source.folder, source.name, source.lines, source.text
-            return new
+            return source.instead(source.data, overrides)
         if isinstance(source, Mapping):
             return cls(_copied(source))._made(overrides)
         path = Path(source)
@@ -93,6 +91,12 @@ class Document:
         except tomllib.TOMLDecodeError as e:
             raise AtcError(complaint(name or cls.what, text, e)) from None
         return cls(data, Path(folder), name, key_lines(text), text=text)._made(overrides)
+
+    def instead(self, data, overrides=None) -> Self:
+        """The same document with other data."""
+        new = self.load(data, overrides)
+        new.folder, new.name, new.lines, new.text = self.folder, self.name, self.lines, self.text
+        return new
 
     def _made(self, overrides=None) -> Self:
         """Itself with the overrides, checked."""
