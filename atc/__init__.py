@@ -33,7 +33,7 @@ _LAZY = {
     "report": "atc.analysis.page",
     "conductivity": "atc.analysis.green_kubo",
     "profile": "atc.analysis.interface",
-    "heat_currents": "atc.analysis.green_kubo",
+    "heat_currents": "atc.analysis.heat_currents",
     "verify": "atc.agreement.verify",
     "twin": "atc.twins.run",
     "Crystal": "atc.upscaling.crystal",

@@ -235,6 +235,18 @@ class Grid(Protocol):
     """Where fields are wanted, as the user says it: in the user's units, perhaps relative to a cell that changes."""
 
     kind: str
+    #: how far it reaches beyond open faces of the cell, in the user's unit; "auto": as far as the kernel; None: not
+    padding: float | str | None = None
+    #: whether it ends at the faces of the cell (or, with padding, beyond the open ones)
+    over_cell: bool = False
+    #: whether values are means over the width of bins
+    bin_means: bool = False
+    #: whether it is planes, on which sums are counted that need no kernel
+    counts_crossings: bool = False
+    #: what vectors and tensors are components along, if not x, y, z
+    local_axes: tuple[str, ...] = ()
+    #: what it moves with since the first frame: "mass", "+z" ...
+    follows: str | None = None
 
     @property
     def follows_cell(self) -> bool:

@@ -34,7 +34,7 @@ def test_styles(kind):
 
 
 def test_kernels_grids_quantities():
-    from atc.config.scene import GRIDS
+    from atc.config.schema import GRIDS
     from atc.estimators.registry import QUANTITIES
     from atc.kernels import NAMES
 

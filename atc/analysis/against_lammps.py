@@ -13,7 +13,8 @@ from ..pictures.drawing import require_frame, save
 from ..pictures.geometry import fields_of, points_of_grid, rank
 from ..pictures.profiles import profiles_figure
 from ..running.output import load
-from .compare import Comparison, sizes
+from .compare import sizes
+from .comparison import Comparison
 
 #: Which field a column of LAMMPS is, where its name says it.
 ALIKE = {

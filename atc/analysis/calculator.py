@@ -78,7 +78,7 @@ class Calculator(Interactions):
         from ..estimators.accuracy.random_points import kernel_internal
         from ..planning.job import as_frames
 
-        if getattr(grid, "kind", None) != "slab":
+        if grid is None or grid.kind != "slab":
             raise AtcError("plane_profiles: only averages over whole planes are known: give atc.Grid.slab(axis, bins)")
         rows, at, u = [], [], None
         for frame in as_frames(traj):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .green_kubo import connected
+from .heat_currents import connected
 from .profile_table import Column, series_quotient
 
 #: A molecule whose charge is less than this share of its absolute charges is neutral.

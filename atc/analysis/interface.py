@@ -95,22 +95,8 @@ def profile(
     γ and p_N do not depend on how the stress is localised; p_T(z) does, and with it the first moments (Schofield and
     Henderson, Proc. R. Soc. A 379, 231 (1982)): these are for comparison between runs treated alike.
     """
-    result = _profile(
-        traj,
-        pot,
-        kern,
-        grid,
-        interfaces,
-        flow,
-        boundary,
-        tolerance=tolerance,
-        method=method,
-        threads=threads,
-        workers=workers,
-        forces=forces,
-        log=log,
-        progress=progress,
-    )
+    how = {"tolerance": tolerance, "method": method, "threads": threads, "workers": workers, "forces": forces}
+    result = _profile(traj, pot, kern, grid, interfaces, flow, boundary, **how, log=log, progress=progress)
     for doubt in result.warnings:
         warnings.warn(f"{result.source}: {doubt}", AtcWarning, stacklevel=2)
     return result
@@ -132,7 +118,7 @@ def profile_of_scene(
         table = {k: own.get(k) if v is None else v for k, v in table.items()}
         if None in table.values():
             raise AtcError(f"{scene.name}: a profile needs both --axis and --bins where the scene has no slab grid")
-        scene = type(scene).load(scene, {f"grid.{k}": v for k, v in table.items()}) if own else _with_grid(scene, table)
+        scene = scene.instead(scene.data | {"grid": own | table})
     if (scene.data.get("grid") or {}).get("kind") != "slab":
         raise scene.need("grid", 'a profile needs kind = "slab", axis and bins (or --axis z --bins 200)')
     if "kernel" not in scene.data:
@@ -144,17 +130,11 @@ def profile_of_scene(
     return _profile(interfaces=interfaces, flow=flow, boundary=boundary, progress=progress, **given)
 
 
-def _with_grid(scene, table):
-    data = {s: dict(t) for s, t in scene.data.items()} | {"grid": table}
-    return type(scene).load(data)._placed(scene)
-
-
 def _asking(scene):
     """The scene with the quantities of a profile, whatever it asks for itself."""
     fields = {**scene.data.get("fields", {}), "quantities": _asked("potential" in scene.data), "average": False}
     fields = {k: v for k, v in fields.items() if k not in ("horizon", "tiles")}
-    data = {s: dict(t) for s, t in scene.data.items()} | {"fields": fields}
-    return type(scene).load(data)._placed(scene)
+    return scene.instead(scene.data | {"fields": fields})
 
 
 def _asked(potential: bool) -> list[str]:
@@ -168,7 +148,7 @@ def _profile(traj, pot, kern, grid, interfaces, flow, boundary, *, progress=None
         raise AtcError(f"interfaces={interfaces!r}: expected a whole number of at least 1")
     if boundary not in BOUNDARIES:
         raise AtcError(f"boundary={boundary!r}: expected one of {', '.join(BOUNDARIES)}")
-    if getattr(grid, "kind", None) != "slab":
+    if grid is None or grid.kind != "slab":
         raise AtcError("a profile needs a slab grid: grid=atc.Grid.slab('z', bins=200)")
     if kern is None:
         raise AtcError("a profile needs kern: give atc.kernel('quartic', radius)")

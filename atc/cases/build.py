@@ -54,15 +54,15 @@ def simulation(case, threads: int = 0, state=None):
 
     contact = pd.Contact(**case.data["contact"]) if "contact" in case.data else None
     indenters, walls = [], []
-    for path, t in case.tables("indenter"):
+    for path, t in case.tables_of("indenter"):
         at = history(case, (*path, "center"), t["center"])
         further = t.get("velocity"), t.get("axis"), t.get("friction", 0.0)
         indenters.append(pd.Indenter(t["radius"], t["stiffness"], at, *further))
-    for path, t in case.tables("wall"):
+    for path, t in case.tables_of("wall"):
         at = history(case, (*path, "point"), t["point"])
         walls.append(pd.Wall(at, t["normal"], t["stiffness"], t.get("velocity"), t.get("friction", 0.0)))
     conditions = []
-    for path, t in case.tables("prescribed", "body_force"):
+    for path, t in case.tables_of("prescribed", "body_force"):
         region, X = _placed(case, body, path, t)
         given = {word: history(case, (*path, word), v, X) for word, v in t.items() if word != "region"}
         conditions.append((pd.Prescribed if path[0] == "prescribed" else pd.BodyForce)(region, **given))
@@ -74,7 +74,7 @@ def simulation(case, threads: int = 0, state=None):
         law = _Law([rise], body.X_nc, lambda why: case.bad(("body", "temperature"), why))
         options["temperature"] = np.broadcast_to(law(0.0)[..., 0], (len(body),))
     if state is None:
-        for path, t in case.tables("initial"):
+        for path, t in case.tables_of("initial"):
             region, X = _placed(case, body, path, t)
             for word, option in (("velocity", "velocities"), ("displacement", "displacements")):
                 if word in t:
@@ -132,7 +132,7 @@ def heat_conditions(case, body) -> list:
         return lambda time: law(time)[..., 0]
 
     out = []
-    for path, t in case.tables("temperature", "heat_source"):
+    for path, t in case.tables_of("temperature", "heat_source"):
         if not any("conductivity" in m for m in case.data["material"]):
             raise case.wrong(path, "needs a body that conducts: give [[material]] conductivity and specific_heat")
         region, X = _placed(case, body, path, t)

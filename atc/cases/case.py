@@ -11,21 +11,18 @@ labels them as SI. Paths are relative to the case.
 from __future__ import annotations
 
 import os
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from ..config.toml import Document, complaint, key_lines, parse, read_document, shown, toml_key, toml_value
-from ..config.words import guess
+from ..config.document import Document
+from ..config.toml import shown, toml_document
+from ..config.words import guess, unknown
 from ..errors import AtcError
 from .crystals import check as check_crystals
 from .crystals import has_density
 from .schema import ARRAYS, TABLES
 
-SECTIONS = [*TABLES, *ARRAYS]
 #: Keys of which tables of these sections need exactly one.
 _ONE_OF = {
     "prescribed": [("velocity", "displacement")],
@@ -51,66 +48,19 @@ class Case(Document):
     crystals : {number of the material: (Crystal at rest, Potential)}, as they are made
     """
 
-    data: dict[str, Any]
-    folder: Path = field(default_factory=Path, compare=False)
-    name: str = field(default="case", compare=False)
-    _lines: dict = field(default_factory=dict, repr=False, compare=False)
-    _flags: dict = field(default_factory=dict, repr=False, compare=False)
+    what = "case"
+    example = "run.steps=100"
+    tables = TABLES
+    arrays = ARRAYS
+
     sets: dict = field(default_factory=dict, repr=False, compare=False)
     crystals: dict = field(default_factory=dict, repr=False, compare=False)
-
-    # ---- making one
-
-    @classmethod
-    def load(cls, source, overrides=None) -> Case:
-        """Read and check a case: the path of a TOML file, or a mapping of sections. `overrides` : ``["run.steps=100"]``
-        or ``{"run.steps": 100}``.
-
-        Raises AtcError, naming file, line and key, for anything unknown, missing or malformed.
-        """
-        if isinstance(source, Mapping):
-            return cls._build(_copied(source), Path(), "case", {}, overrides)
-        path = Path(source)
-        text = read_document(path, "case")
-        try:
-            data = parse(text)
-        except tomllib.TOMLDecodeError as e:
-            raise AtcError(complaint(str(path), text, e)) from None
-        return cls._build(data, path.parent, str(path), key_lines(text), overrides)
-
-    @classmethod
-    def _build(cls, data, folder, name, lines, overrides):
-        case = cls(data, folder, name, lines)
-        for section, value in data.items():
-            at = case.where(section)
-            if section not in SECTIONS:
-                why = f"{guess(section, SECTIONS)}known: {', '.join(SECTIONS)}"
-                raise AtcError(f"{at}: unknown section [{section}]: {why}")
-            if section in ARRAYS and isinstance(value, dict):
-                # One table where several are allowed.
-                data[section] = [value]
-                case._lines.update({(section, "0", *p[1:]): n for p, n in lines.items() if p[0] == section})
-            elif not isinstance(value, list if section in ARRAYS else dict):
-                raise AtcError(f"{at}: {section} must be a section: write [{section}] and its keys below")
-            elif section in ARRAYS and not all(isinstance(v, dict) for v in value):
-                raise AtcError(f"{at}: {section} must be sections: write [[{section}]] and the keys of each below")
-        for (section, key), value, flag in _overrides(overrides):
-            case.data.setdefault(section, {})[key] = value
-            case._flags[section, key] = flag
-        case._check()
-        return case
-
-    # ---- complaints
-
-    def bad(self, path, why) -> AtcError:
-        """An error at a key: `path` = (section, key) or (section, number, key)."""
-        return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
 
     def wrong(self, path, why) -> AtcError:
         """An error at a section: `path` = (section,) or (section, number)."""
         return AtcError(f"{self.where(*path)}: [{path[0]}] {why}")
 
-    def tables(self, *sections):
+    def tables_of(self, *sections):
         """(path, table) of every table in sections that may be repeated."""
         for section in sections:
             yield from (((section, str(k)), t) for k, t in enumerate(self.data.get(section, [])))
@@ -121,41 +71,37 @@ class Case(Document):
             if key in table:
                 raise self.bad((*path, key), why)
 
-    def _check(self):
+    def check(self) -> None:
         for name in self.data.get("regions", {}):
-            self._check_key(TABLES["body"]["region"], self.data["regions"], name, ("regions", name))
+            self.check_value(TABLES["body"]["region"], self.data["regions"], name, ("regions", name))
         for section, table in self.data.items():
-            if section == "regions":
-                continue
-            for path, t in self.tables(section) if section in ARRAYS else [((section,), table)]:
-                known = self._keys(path, t)
-                for key in list(t):
-                    if key not in known:
-                        why = f"{guess(key, known)}known: {', '.join(known)}"
-                        if section == "material" and t.get("model") == "pmb" and key in ("poisson", "shear"):
-                            why = (
-                                "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take "
-                                "lps for another ratio"
-                            )
-                        raise AtcError(f"{self.where(*path, key)}: unknown key {key!r} in [{section}]: {why}")
-                    self._check_key(known[key], t, key, (*path, key))
+            if section in ARRAYS:
+                for path, t in self.tables_of(section):
+                    self.check_table(path, t, self._keys(path, t), partial(self._not_of_pmb, t))
+            elif section != "regions":
+                self.check_table((section,), table, TABLES[section])
         self._check_body()
         self._check_things()
         for path, region in self._regions_used():
             self._check_region(region, path)
 
+    @staticmethod
+    def _not_of_pmb(table, key) -> str:
+        if table.get("model") != "pmb" or key not in ("poisson", "shear"):
+            return ""
+        return (
+            "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for another ratio"
+        )
+
     def _keys(self, path, table):
         if path[0] != "material":
-            return {**TABLES, **ARRAYS}[path[0]]
+            return ARRAYS[path[0]]
         from .materials import keys_of
 
         model = table.get("model")
         if model is None:
             raise self.wrong(path, 'needs model, e.g. model = "pmb"')
         return {**ARRAYS["material"], **keys_of(model, lambda why: self.bad((*path, "model"), why))}
-
-    def _check_key(self, spec, table, key, path):
-        self.check_value(spec, table, key, partial(self.bad, path))
 
     def _check_body(self):
         if "body" not in self.data:
@@ -217,7 +163,7 @@ class Case(Document):
             if len(given) != 1 and (given or least):
                 raise self.wrong(path, f"needs {'exactly one of ' if len(keys) > 1 else ''}{' and '.join(keys)}")
 
-        for path, t in self.tables(*ARRAYS):
+        for path, t in self.tables_of(*ARRAYS):
             for keys in _ONE_OF.get(path[0], ()):
                 one_of(path, t, *keys)
             if path[0] == "notch" and set(t) - {"as_damage"} not in ({"start", "end"}, {"origin", "a", "b"}):
@@ -242,7 +188,7 @@ class Case(Document):
             why = f"belongs to motion: solver = {run['solver']!r} looks for equilibrium at every step"
             self.refuse(("run",), run, ("safety", "damping"), why)
             why = f"what is at rest under friction depends on how it came there: solver = {run['solver']!r} has none"
-            for path, t in [(("contact",), self.data.get("contact", {})), *self.tables("indenter", "wall")]:
+            for path, t in [(("contact",), self.data.get("contact", {})), *self.tables_of("indenter", "wall")]:
                 if t.get("friction"):
                     raise self.bad((*path, "friction"), why)
             if breaking:
@@ -255,8 +201,7 @@ class Case(Document):
 
         for q in output.get("quantities", []):
             if q not in QUANTITIES:
-                why = f"unknown {q!r}: {guess(q, QUANTITIES)}known: {', '.join(QUANTITIES)}"
-                raise self.bad(("output", "quantities"), why)
+                raise self.bad(("output", "quantities"), unknown(repr(q), q, QUANTITIES))
         if Path(output.get("extxyz", "frames.xyz")).suffix not in (".extxyz", ".xyz"):
             why = f"expected a name that ends in .extxyz or .xyz, got {output['extxyz']!r}"
             raise self.bad(("output", "extxyz"), why)
@@ -274,7 +219,7 @@ class Case(Document):
             yield ("body", "region"), self.data["body"]["region"]
         for region in self.get("damage", "no_fail", []):
             yield ("damage", "no_fail"), region
-        for path, t in self.tables(*ARRAYS):
+        for path, t in self.tables_of(*ARRAYS):
             if "region" in t:
                 yield (*path, "region"), t["region"]
 
@@ -311,12 +256,7 @@ class Case(Document):
         return run(self, out, threads=threads, progress=progress, resume=resume)
 
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
-        """The file to write: `given`, else ``[output] file``. Whether it can be written is found out here; with
-        `resume` it may be that of a run which only has to clear away."""
-        from ..running.output import require_place
-
-        path, where = self.result(given)
-        require_place(path, where, overwrite, resume)
+        path = super().output(given, overwrite, resume)
         # What an interrupted run has left of them is its own.
         begun = path.with_name(path.name + ".partial").exists()
         for key in () if overwrite or begun else ("vtk", "extxyz", "restart"):
@@ -336,50 +276,11 @@ class Case(Document):
 
     def to_toml(self) -> str:
         """The case with its overrides as TOML; file names without their folders."""
-        out = []
-        for section in SECTIONS:
-            value = self.data.get(section)
-            if not value:
-                if section in self.data:
-                    out += [f"[{section}]", ""]
-                continue
-            for table in value if section in ARRAYS else [value]:
-                out.append(f"[[{section}]]" if section in ARRAYS else f"[{section}]")
-                for key, v in table.items():
-                    spec = {**TABLES, **ARRAYS}[section].get(key)
-                    if spec is not None and spec.path and isinstance(v, str):
-                        v = Path(v).name
-                    out.append(f"{toml_key(key)} = {toml_value(v)}")
-                out.append("")
-        return "\n".join(out)
+        sections = {s: self.data[s] for s in (*TABLES, *ARRAYS) if s in self.data}
+        return toml_document({s: self._plain(s, given) for s, given in sections.items()})
 
-
-def _copied(value):
-    if isinstance(value, Mapping):
-        return {k: _copied(v) for k, v in value.items()}
-    return [_copied(v) for v in value] if isinstance(value, (list, tuple)) else value
-
-
-def _overrides(overrides):
-    """((section, key), value, flag) of each override."""
-    if not overrides:
-        return
-    given = overrides.items() if isinstance(overrides, Mapping) else [(text, None) for text in overrides]
-    for text, value in given:
-        flag = text if isinstance(overrides, Mapping) else f"--set {text}"
-        dotted = text
-        if value is None:
-            dotted, eq, word = text.partition("=")
-            if not eq:
-                raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. --set run.steps=100")
-            try:
-                value = parse(f"v = {word.strip()}")["v"]
-            except tomllib.TOMLDecodeError:
-                value = word.strip()
-        section, _, key = dotted.strip().partition(".")
-        if section not in TABLES or not key:
-            known = [s for s in TABLES if s != "regions"]
-            raise AtcError(
-                f"{flag}: expected SECTION.KEY=VALUE with a section of {', '.join(known)}; edit the case for the others"
-            )
-        yield (section, key), value, flag
+    def _plain(self, section, given):
+        if isinstance(given, list):
+            return [self._plain(section, table) for table in given]
+        paths = {k for k, spec in {**TABLES, **ARRAYS}[section].items() if spec.path}
+        return {k: Path(v).name if k in paths and isinstance(v, str) else v for k, v in given.items()}

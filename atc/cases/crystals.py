@@ -13,17 +13,18 @@ import warnings
 import numpy as np
 
 from .. import pd
-from ..config.formula import Formula
-from ..config.schema import (
+from ..config.checks import (
     INFLUENCE_EXPECTED,
     Key,
-    _either,
-    _influence,
-    _list_of,
-    _not_negative,
-    _positive,
-    _string,
+    either,
+    influence,
+    list_of,
+    not_negative,
+    positive,
+    string,
+    takes,
 )
+from ..config.formula import Formula
 from ..config.schema import SCHEMA as SCENE
 from ..errors import AtcError, AtcWarning
 from ..pd.sampling import MODULI_REFUSE, MODULI_WARN, sampled_constants
@@ -40,20 +41,20 @@ _CRYSTAL = {
     "potential": SCENE["potential"]["lammps"],
     "units": SCENE["potential"]["units"],
     "structure": SCENE["twin"]["structure"],
-    "lattice_constant": Key(_positive, "a length greater than 0 in the potential's units, e.g. 5.43"),
-    "mass": Key(_either(_positive, _list_of(_positive)), "of an atom (of diamond's two) in the potential's units"),
+    "lattice_constant": Key(positive, "a length greater than 0 in the potential's units, e.g. 5.43"),
+    "mass": Key(either(positive, list_of(positive)), "of an atom (of diamond's two) in the potential's units"),
     "orient": SCENE["twin"]["orient"],
 }
 KEYS = {
     "cauchy-born": {
         **_CRYSTAL,
-        "stabilisation": Key(_not_negative, "a number, 0 or more, e.g. 0.1"),
-        "influence": Key(_influence, INFLUENCE_EXPECTED),
+        "stabilisation": Key(not_negative, "a number, 0 or more, e.g. 0.1"),
+        "influence": Key(influence, INFLUENCE_EXPECTED),
     },
     "linear": {
         **_CRYSTAL,
         "micromodulus": Key(
-            _either(_list_of(_list_of(_component, 3), 3), lambda v: _component(_string(v))),
+            either(list_of(list_of(_component, 3), 3), takes({"type": "string"})(lambda v: _component(string(v)))),
             'formulas of x, y, z, r and delta: c of central springs, or three rows of C(xi), e.g. "1e9*(1 - r/delta)"',
         ),
     },
@@ -64,7 +65,7 @@ _NEEDED = ("potential", "structure", "lattice_constant", "mass")
 def check(case) -> None:
     """Raise for what these materials lack, or what does not go with them."""
     body = case.data["body"]
-    for path, m in case.tables("material"):
+    for path, m in case.tables_of("material"):
         model = m["model"]
         if model not in KEYS:
             continue

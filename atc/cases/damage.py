@@ -36,7 +36,7 @@ def between(case, k) -> tuple[int, int]:
 def check(case, one_of):
     """Raise for what contradicts itself; returns the path of the first place that says when bonds break, or None."""
     breaking = None
-    for path, t in case.tables("material", "interface"):
+    for path, t in case.tables_of("material", "interface"):
         one_of(path, t, "s00", "Gc", least=0)
         strength = [key for key in ("s00", "Gc") if key in t]
         if strength and t.get("breaks") is False:
@@ -47,7 +47,7 @@ def check(case, one_of):
     if len(set(names)) < len(names):
         raise case.need("material", f"two materials have the same name: {', '.join(names)}")
     pairs = {}
-    for k, (path, t) in enumerate(case.tables("interface")):
+    for k, (path, t) in enumerate(case.tables_of("interface")):
         one_of(path, t, "between")
         pair = between(case, k)
         if pair in pairs:
@@ -62,10 +62,10 @@ def check(case, one_of):
     if damage is not None:
         one_of(("damage",), damage, "s00", "Gc", least=0 if breaking else 1)
         if damage.get("criterion") == "energy":
-            for path, t in [(("damage",), damage), *case.tables("material", "interface")]:
+            for path, t in [(("damage",), damage), *case.tables_of("material", "interface")]:
                 case.refuse(path, t, ("s00", "alpha"), '[damage] criterion = "energy" takes Gc alone')
         breaking = ("damage",)
-    for path, t in case.tables("material", "interface") if not breaking else ():
+    for path, t in case.tables_of("material", "interface") if not breaking else ():
         case.refuse(path, t, ("alpha", "breaks"), "nothing in this case breaks: give s00 or Gc, here or in [damage]")
     return breaking
 

@@ -30,10 +30,9 @@ def scene_of(case):
             '["peridynamic_stress"]',
         )
     # A scene must name a trajectory; here the run is it.
-    scene = Scene._build(
-        {**there, "trajectory": {"file": "run", "reference": 0}}, case.folder, case.name, case._lines, None
-    )
-    scene._flags.update(case._flags)
+    there["trajectory"] = {"file": "run", "reference": 0}
+    scene = Scene(there, case.folder, case.name, case.lines, dict(case.flags))
+    scene.check()
     return scene
 
 

@@ -3,7 +3,8 @@ checks by, key by key; rules between keys are atc's own."""
 
 from __future__ import annotations
 
-from ..config.schema import GRIDS, json_of
+from ..config.checks import json_of
+from ..config.schema import GRIDS
 from ..config.schema import SCHEMA as SCENE
 from .crystals import KEYS
 from .schema import ARRAYS, REGION_JSON, TABLES

@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import inspect
 
-from ..config.schema import INFLUENCE_EXPECTED, Key, _boolean, _influence, _not_negative, _number, _positive
+from ..config.checks import INFLUENCE_EXPECTED, Key, boolean, influence, not_negative, number, positive, takes
 from ..config.words import guess
 from ..errors import AtcError
 from .influence import influence_of
 
-_DENSITY = Key(_positive, "a mass per volume greater than 0")
+_DENSITY = Key(positive, "a mass per volume greater than 0")
 
 
+@takes({"enum": [False, "energy"]})
 def _correction(v):
     if v is not False and v != "energy":
         raise ValueError
@@ -45,20 +46,20 @@ def parameters(cls) -> list[str]:
 
 def _value(name):
     if name in ("volume_correction",):
-        return Key(_boolean, "true or false")
+        return Key(boolean, "true or false")
     if name == "influence":
-        return Key(_influence, INFLUENCE_EXPECTED)
+        return Key(influence, INFLUENCE_EXPECTED)
     if name == "surface_correction":
         return Key(_correction, '"energy", or false')
     if name == "stabilisation":
-        return Key(_not_negative, "a number, 0 or more, e.g. 0.1")
+        return Key(not_negative, "a number, 0 or more, e.g. 0.1")
     if name in ("poisson",):
-        return Key(_number, "a number, e.g. 0.25")
+        return Key(number, "a number, e.g. 0.25")
     if name == "fraction":
-        return Key(_not_negative, "a share between 0 and 1, e.g. 0.5")
+        return Key(not_negative, "a share between 0 and 1, e.g. 0.5")
     if name == "expansion":
-        return Key(_number, "a strain per temperature, e.g. 2.6e-6")
-    return Key(_number if name.startswith("lam") else _positive, "a number greater than 0")
+        return Key(number, "a strain per temperature, e.g. 2.6e-6")
+    return Key(number if name.startswith("lam") else positive, "a number greater than 0")
 
 
 def sampled_well(case, k, material, body) -> None:
@@ -80,9 +81,8 @@ def sampled_well(case, k, material, body) -> None:
         f"{case.where('body', 'horizon')}: [body] horizon: {body.horizon / body.spacing:.4g} spacings sample "
         f"{table['model']} so coarsely that elastic constants are up to {100 * off:.2g} % off those of its moduli"
     )
-    advice = "a larger horizon in spacings" + (
-        ', surface_correction = "energy"' if hasattr(material, "surface_correction") else ""
-    )
+    corrected = ', surface_correction = "energy"' if "surface_correction" in parameters(type(material)) else ""
+    advice = "a larger horizon in spacings" + corrected
     if not off <= MODULI_REFUSE and table["model"] != "pmb":
         raise AtcError(f"{said}: take {advice}, correspondence or bond-associated")
     warnings.warn(f"{said}; more accurate are {advice}, correspondence or bond-associated", AtcWarning, stacklevel=4)

@@ -6,25 +6,28 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
-from ..config.schema import SCHEMA as SCENE
-from ..config.schema import (
+from ..config.checks import (
     Key,
-    _boolean,
-    _choice,
-    _count,
-    _either,
-    _integer,
-    _list_of,
-    _not_negative,
-    _number,
-    _positive,
-    _seed,
-    _string,
-    described,
+    boolean,
+    choice,
+    count,
+    either,
+    integer,
     json_of,
+    list_of,
+    list_or_one,
+    not_negative,
+    number,
+    one_of_numbers,
+    positive,
+    seed,
+    string,
+    takes,
 )
+from ..config.schema import SCHEMA as SCENE
 
 
+@takes({"type": "number"})
 def _bound(v):
     """A number, also inf and -inf: an open side."""
     if isinstance(v, bool) or not isinstance(v, (int, float)) or v != v:
@@ -32,28 +35,20 @@ def _bound(v):
     return v
 
 
-def _dimension(v):
-    if isinstance(v, bool) or v not in (1, 2, 3):
-        raise ValueError
-    return v
-
-
-described(_bound, {"type": "number"})
-described(_dimension, {"enum": [1, 2, 3]})
-_V3 = _list_of(_number, 3)
-_CORNER = _list_of(_bound, 3)
+_V3 = list_of(number, 3)
+_CORNER = list_of(_bound, 3)
 #: Of each shape its keys and what checks them.
 SHAPES: dict[str, dict[str, Any]] = {
     "box": {"lo": _CORNER, "hi": _CORNER},
     "cylinder": {
-        "axis": _choice(["x", "y", "z"]),
-        "center": _list_of(_number, 2),
-        "radius": _positive,
+        "axis": choice(["x", "y", "z"]),
+        "center": list_of(number, 2),
+        "radius": positive,
         "lo": _bound,
         "hi": _bound,
     },
-    "sphere": {"center": _V3, "radius": _positive},
-    "set": {"name": _string},
+    "sphere": {"center": _V3, "radius": positive},
+    "set": {"name": string},
 }
 #: Where a cylinder ends that does not say it.
 _ENDLESS = {"lo": float("-inf"), "hi": float("inf")}
@@ -66,15 +61,16 @@ def _needed(shape) -> list[str]:
 def _table(row, what):
     """A table {times, values}."""
 
+    @takes(lambda: _json_table(json_of(row)))
     def checked(v):
         if set(v) != {"times", "values"}:
             raise ValueError("a table has the keys times and values")
-        times, values = _list_of(_number)(v["times"]), _list_of(row)(v["values"])
+        times, values = list_of(number)(v["times"]), list_of(row)(v["values"])
         if len(times) != len(values) or any(b <= a for a, b in pairwise(times)):
             raise ValueError(f"a table needs increasing times and one {what} for each")
         return {"times": times, "values": values}
 
-    return described(checked, lambda: _json_table(json_of(row)))
+    return checked
 
 
 def _json_table(row) -> dict:
@@ -94,10 +90,10 @@ def _history(variables, free=False):
     rows of three."""
     words = ("free",) if free else ()
     if "t" not in variables:
-        return _or_table(_list_of(_or_table(number_or_formula(variables, words)), 3))
-    number = _either(_number, described(lambda v: _one_of(words, v), {"const": "free"})) if free else _number
-    component = _or_table(number_or_formula(variables, words), _table(_number, "value"), _json_table(json_of(number)))
-    return _or_table(_list_of(component, 3), _table(_list_of(number, 3), "row of three values"))
+        return _or_table(list_of(_or_table(number_or_formula(variables, words)), 3))
+    one = either(number, takes({"const": "free"})(lambda v: _one_of(words, v))) if free else number
+    component = _or_table(number_or_formula(variables, words), _table(one, "value"), _json_table(json_of(one)))
+    return _or_table(list_of(component, 3), _table(list_of(one, 3), "row of three values"))
 
 
 def _one_of(words, v):
@@ -109,36 +105,39 @@ def _one_of(words, v):
 def _or_table(check, table=None, json=None):
     """What `check` takes, or what `table` does, a table over time; `json` : what editors are told of it."""
 
+    @takes(lambda: {"anyOf": [json_of(check), *([json or json_of(table)] if table else [])]})
     def checked(v):
         return table(v) if table is not None and isinstance(v, dict) else check(v)
 
-    return described(checked, lambda: {"anyOf": [json_of(check), *([json or json_of(table)] if table else [])]})
+    return checked
 
 
 def number_or_formula(variables, words=()):
     """A number, a formula of `variables`, or one of some words."""
 
+    @takes({"type": ["number", "string"]})
     def checked(v):
         if not isinstance(v, str):
-            return _number(v)
+            return number(v)
         if v not in words:
             from ..config.formula import Formula
 
             Formula(v, variables, words)
         return v
 
-    return described(checked, {"type": ["number", "string"]})
+    return checked
 
 
 def _scalar(variables):
     """A number, a formula of `variables`, or a table of numbers over time."""
-    return _or_table(number_or_formula(variables), _table(_number, "value"))
+    return _or_table(number_or_formula(variables), _table(number, "value"))
 
 
+@takes({"$ref": "#/$defs/region"})
 def _region(v):
     """A region's name, or its description."""
     if isinstance(v, str):
-        return _string(v)
+        return string(v)
     return _shape_or_combination(v)
 
 
@@ -149,7 +148,7 @@ def _shape_or_combination(v):
         if len(v) != 1:
             raise ValueError("any, all and not stand alone")
         ((word, inner),) = v.items()
-        return {word: _region(inner) if word == "not" else _list_of(_region)(inner)}
+        return {word: _region(inner) if word == "not" else list_of(_region)(inner)}
     shape = v.get("shape")
     if shape not in SHAPES:
         raise ValueError(f"shape must be one of {', '.join(SHAPES)}")
@@ -162,6 +161,7 @@ def _shape_or_combination(v):
     return {"shape": shape, **{key: check(given[key]) for key, check in SHAPES[shape].items()}}
 
 
+@takes({"type": "array", "items": {"type": ["string", "integer"]}, "minItems": 2, "maxItems": 2})
 def _two_materials(v):
     named = isinstance(v, list) and all(isinstance(m, (str, int)) and not isinstance(m, bool) for m in v)
     if not named or len(v) != 2:
@@ -201,8 +201,6 @@ REGION_JSON = {
         ),
     ]
 }
-described(_region, {"$ref": "#/$defs/region"})
-described(_two_materials, {"type": "array", "items": {"type": ["string", "integer"]}, "minItems": 2, "maxItems": 2})
 
 _REGION = Key(_region, 'the name of a region, or { shape = "box", lo = [...], hi = [...] }')
 _TABLE = "or { times = [...], values = [[...], ...] }"
@@ -212,13 +210,13 @@ _MOTION = Key(
 _PATH = Key(_history(("t",)), f"a point, three numbers or formulas of t, {_TABLE}")
 _START = Key(_history(("x", "y", "z")), "three numbers or formulas of x, y, z")
 _POINT = Key(_V3, "a point, e.g. [0.0, 0.0, 0.0]")
-_FRICTION = Key(_not_negative, "Coulomb's coefficient, a number, 0 or more, e.g. 0.3")
+_FRICTION = Key(not_negative, "Coulomb's coefficient, a number, 0 or more, e.g. 0.3")
 # When bonds break: of a material, and of an interface.
 _STRENGTH = {
-    "s00": Key(_positive, "a critical stretch, e.g. 0.0005"),
-    "Gc": Key(_positive, "a fracture energy per area, greater than 0"),
-    "alpha": Key(_not_negative, "a number, 0 or more, e.g. 0.25"),
-    "breaks": Key(_boolean, "true or false"),
+    "s00": Key(positive, "a critical stretch, e.g. 0.0005"),
+    "Gc": Key(positive, "a fracture energy per area, greater than 0"),
+    "alpha": Key(not_negative, "a number, 0 or more, e.g. 0.25"),
+    "breaks": Key(boolean, "true or false"),
 }
 
 
@@ -227,63 +225,63 @@ TABLES: dict[str, dict[str, Key]] = {
     "body": {
         "region": _REGION,
         "file": Key(
-            _string,
+            string,
             'a file of nodes: .csv, .extxyz, a LAMMPS data file (atom_style peri), or a mesh, e.g. "plate.vtu"',
             path=True,
         ),
-        "spacing": Key(_positive, "the distance between nodes, greater than 0"),
-        "horizon": Key(_positive, "a length greater than 0, e.g. 0.0015001"),
-        "density": Key(_positive, "a mass per volume greater than 0"),
-        "volume": Key(_positive, "the volume of each node, greater than 0"),
-        "dimension": Key(_dimension, "1, 2 or 3"),
-        "plane": Key(_choice(["stress", "strain"]), '"stress" or "strain"'),
-        "thickness": Key(_positive, "a length greater than 0 (in one dimension the cross-section)"),
+        "spacing": Key(positive, "the distance between nodes, greater than 0"),
+        "horizon": Key(positive, "a length greater than 0, e.g. 0.0015001"),
+        "density": Key(positive, "a mass per volume greater than 0"),
+        "volume": Key(positive, "the volume of each node, greater than 0"),
+        "dimension": Key(one_of_numbers(1, 2, 3), "1, 2 or 3"),
+        "plane": Key(choice(["stress", "strain"]), '"stress" or "strain"'),
+        "thickness": Key(positive, "a length greater than 0 (in one dimension the cross-section)"),
         "offset": _POINT,
-        "jitter": Key(_not_negative, "the largest random displacement in spacings, e.g. 0.1"),
-        "seed": Key(_seed, "a whole number, 0 or more"),
-        "cut": Key(_boolean, "true or false"),
-        "cell": Key(_list_of(_either(_positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
+        "jitter": Key(not_negative, "the largest random displacement in spacings, e.g. 0.1"),
+        "seed": Key(seed, "a whole number, 0 or more"),
+        "cut": Key(boolean, "true or false"),
+        "cell": Key(list_of(either(positive, _V3), 3), "three lengths or edge vectors of a periodic cell"),
         "origin": _POINT,
-        "strain": Key(_list_of(_V3, 3), "the displacement gradient of a periodic cell, three rows of three numbers"),
+        "strain": Key(list_of(_V3, 3), "the displacement gradient of a periodic cell, three rows of three numbers"),
         "temperature": Key(
             number_or_formula(("x", "y", "z")),
             "how far it has risen, a number or a formula of x, y, z, e.g. '100*x/0.01'",
         ),
-        "periodic": Key(_list_of(_boolean, 3), "three of true and false, e.g. [true, true, false]"),
+        "periodic": Key(list_of(boolean, 3), "three of true and false, e.g. [true, true, false]"),
     },
     "regions": {},
     "damage": {
         **{k: _STRENGTH[k] for k in ("s00", "Gc", "alpha")},
-        "criterion": Key(_choice(["stretch", "energy"]), '"stretch" or "energy", what breaks a bond'),
-        "no_fail": Key(_either(_list_of(_region), lambda v: [_region(v)]), "regions whose bonds never break"),
+        "criterion": Key(choice(["stretch", "energy"]), '"stretch" or "energy", what breaks a bond'),
+        "no_fail": Key(list_or_one(_region), "regions whose bonds never break"),
     },
     "contact": {
-        "strength": Key(_not_negative, "the multiple of the micromodulus, e.g. 15"),
-        "own": Key(_positive, "a share of a pair's reference distance, e.g. 0.9"),
-        "reach": Key(_positive, "a multiple of the sum of the radii, e.g. 1.35"),
-        "skin": Key(_positive, "how much further the list of pairs looks, in spacings, e.g. 0.75"),
+        "strength": Key(not_negative, "the multiple of the micromodulus, e.g. 15"),
+        "own": Key(positive, "a share of a pair's reference distance, e.g. 0.9"),
+        "reach": Key(positive, "a multiple of the sum of the radii, e.g. 1.35"),
+        "skin": Key(positive, "how much further the list of pairs looks, in spacings, e.g. 0.75"),
         "friction": _FRICTION,
     },
     "run": {
-        "steps": Key(_count, "a number of steps, e.g. 2000"),
-        "dt": Key(_positive, "a time step greater than 0"),
-        "safety": Key(_positive, "the time step as a part of the stable one, e.g. 0.8"),
-        "damping": Key(_not_negative, "a rate, 0 or more"),
+        "steps": Key(count, "a number of steps, e.g. 2000"),
+        "dt": Key(positive, "a time step greater than 0"),
+        "safety": Key(positive, "the time step as a part of the stable one, e.g. 0.8"),
+        "damping": Key(not_negative, "a rate, 0 or more"),
         "solver": Key(
-            _choice(["verlet", "relax", "static"]), '"verlet" (motion), "relax" or "static" (equilibrium at every step)'
+            choice(["verlet", "relax", "static"]), '"verlet" (motion), "relax" or "static" (equilibrium at every step)'
         ),
-        "tolerance": Key(_positive, "the force left over relative to the largest one, e.g. 1e-8"),
-        "iterations": Key(_count, "the most iterations of one equilibrium, e.g. 50000"),
-        "lammps_compat": Key(_boolean, "true or false"),
-        "restart": Key(_string, "the restart file of an earlier run", path=True),
+        "tolerance": Key(positive, "the force left over relative to the largest one, e.g. 1e-8"),
+        "iterations": Key(count, "the most iterations of one equilibrium, e.g. 50000"),
+        "lammps_compat": Key(boolean, "true or false"),
+        "restart": Key(string, "the restart file of an earlier run", path=True),
     },
     "output": {
-        "file": Key(_string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True),
-        "every": Key(_count, "steps between two outputs, e.g. 100"),
-        "quantities": Key(_list_of(_string), 'a list, e.g. ["displacement", "damage"]'),
-        "vtk": Key(_string, 'a folder for ParaView\'s files, e.g. "disk-vtk"', path=True),
-        "extxyz": Key(_string, 'a file for frames, e.g. "disk.extxyz"', path=True),
-        "restart": Key(_string, 'a file for the state at the end, e.g. "end.npz"', path=True),
+        "file": Key(string, 'the file to write, e.g. "out.zarr" or "out.nc"', path=True),
+        "every": Key(count, "steps between two outputs, e.g. 100"),
+        "quantities": Key(list_of(string), 'a list, e.g. ["displacement", "damage"]'),
+        "vtk": Key(string, 'a folder for ParaView\'s files, e.g. "disk-vtk"', path=True),
+        "extxyz": Key(string, 'a file for frames, e.g. "disk.extxyz"', path=True),
+        "restart": Key(string, 'a file for the state at the end, e.g. "end.npz"', path=True),
     },
     "kernel": SCENE["kernel"],
     "grid": SCENE["grid"],
@@ -293,40 +291,40 @@ TABLES: dict[str, dict[str, Key]] = {
 # Sections of which there may be several, [[wall]] ... [[wall]] ...
 ARRAYS: dict[str, dict[str, Key]] = {
     "material": {
-        "model": Key(_string, 'e.g. "pmb"'),
-        "name": Key(_string, 'a name for [[interface]], e.g. "glass"'),
-        "id": Key(_integer, "a whole number"),
+        "model": Key(string, 'e.g. "pmb"'),
+        "name": Key(string, 'a name for [[interface]], e.g. "glass"'),
+        "id": Key(integer, "a whole number"),
         "region": _REGION,
-        "conductivity": Key(_positive, "power per length and temperature, greater than 0"),
-        "specific_heat": Key(_positive, "energy per mass and temperature, greater than 0"),
+        "conductivity": Key(positive, "power per length and temperature, greater than 0"),
+        "specific_heat": Key(positive, "energy per mass and temperature, greater than 0"),
         **_STRENGTH,
     },
     "interface": {
         "between": Key(_two_materials, 'two materials by name or id, e.g. ["glass", "steel"]'),
-        "bonded": Key(_boolean, "true or false"),
-        "stiffness": Key(_positive, "how stiff its bonds are relative to the default, greater than 0, e.g. 0.1"),
+        "bonded": Key(boolean, "true or false"),
+        "stiffness": Key(positive, "how stiff its bonds are relative to the default, greater than 0, e.g. 0.1"),
         **_STRENGTH,
     },
     "notch": {
-        "start": Key(_list_of(_number, 2), "the start of the line, [x, y]"),
-        "end": Key(_list_of(_number, 2), "the end of the line, [x, y]"),
+        "start": Key(list_of(number, 2), "the start of the line, [x, y]"),
+        "end": Key(list_of(number, 2), "the end of the line, [x, y]"),
         "origin": _POINT,
         "a": Key(_V3, "an edge of the cut, e.g. [0.05, 0.0, 0.0]"),
         "b": Key(_V3, "the other edge of the cut, e.g. [0.0, 0.0, 0.01]"),
-        "as_damage": Key(_boolean, "true or false"),
+        "as_damage": Key(boolean, "true or false"),
     },
     "indenter": {
-        "radius": Key(_positive, "a length greater than 0"),
-        "stiffness": Key(_positive, "a force per volume and length squared"),
+        "radius": Key(positive, "a length greater than 0"),
+        "stiffness": Key(positive, "a force per volume and length squared"),
         "center": _PATH,
         "velocity": Key(_V3, "three numbers"),
-        "axis": Key(_choice(["x", "y", "z"]), '"x", "y" or "z" for a cylinder'),
+        "axis": Key(choice(["x", "y", "z"]), '"x", "y" or "z" for a cylinder'),
         "friction": _FRICTION,
     },
     "wall": {
         "point": _PATH,
         "normal": _POINT,
-        "stiffness": Key(_positive, "a force per volume and length squared"),
+        "stiffness": Key(positive, "a force per volume and length squared"),
         "velocity": Key(_V3, "three numbers"),
         "friction": _FRICTION,
     },
@@ -339,14 +337,14 @@ ARRAYS: dict[str, dict[str, Key]] = {
         "region": _REGION,
         "velocity": _MOTION,
         "displacement": _MOTION,
-        "until": Key(_positive, "a time greater than 0"),
+        "until": Key(positive, "a time greater than 0"),
     },
     "temperature": {
         "region": _REGION,
         "value": Key(
             _scalar(("t", "x", "y", "z")), "a number, a formula of t, x, y, z, or a table of times and values"
         ),
-        "until": Key(_positive, "a time greater than 0"),
+        "until": Key(positive, "a time greater than 0"),
     },
     "heat_source": {
         "region": _REGION,

@@ -52,7 +52,8 @@ def compare(
     """Hardy's stress against the virial stress, or fields against LAMMPS's own averages: a table and a picture."""
     from ..analysis.against_lammps import compare_with_lammps
     from ..analysis.compare import compare as compare_output
-    from ..analysis.compare import compare_radii, side_by_side
+    from ..analysis.compare import compare_radii
+    from ..analysis.comparison import side_by_side
     from ..readers.lammps.grid import is_grid
 
     if json and csv:

@@ -9,8 +9,9 @@ import numpy as np
 
 from ..errors import AtcError
 from . import moments, spread
+from .bond_points import SAMPLE
 from .direct import _NOT_FINITE, _array, stress_components
-from .spectral import SAMPLE, SPARSE, SpectralDeposit
+from .spectral import SPARSE, SpectralDeposit
 
 # `spectral.DENSE` of atoms: at R = 20 Å, points of as many components as the mesh has.
 DENSE_ATOMS = 36.0
@@ -48,7 +49,7 @@ class CollapsingDeposit(SpectralDeposit):
     def collapses(self, length: float, strength: float = 1.0) -> bool:
         """Whether atoms carry a bond of this length, and so many times as strong as the mean: an estimate like
         `points_of`."""
-        return bool(self._errors.longest([2.0 * self._bond_share / strength])[0] >= length)
+        return bool(self._errors.longest([2.0 * self.bond_points.share / strength])[0] >= length)
 
     @property
     def _errors(self):
@@ -76,12 +77,12 @@ class CollapsingDeposit(SpectralDeposit):
         if most == 0.0:
             return
         if self._longest is None:
-            self._longest = self._errors.longest(self._levels())
+            self._longest = self._errors.longest(self.bond_points.levels)
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
         slack = 0
         if n > SAMPLE:
             some = slice(None, None, n // SAMPLE)
-            slack = self._slack(
+            slack = self.bond_points.slack(
                 i_b[some],
                 r_bc[some],
                 stress_components(r_bc[some], G_b[some]),
@@ -154,7 +155,7 @@ class CollapsingDeposit(SpectralDeposit):
         # Neighbours one after the other: the mesh is larger than the processor's cache.
         order = self._by_place(t)
         which, x_nc = which[order], x_nc[order]
-        width, coef = self.parameters.width, self._rules()[3]
+        width, coef = self.parameters.width, self.window
         spread_rows, coef_flat = (
             spread.row_core(width, len(coef) - 1, self.real, self.depth),
             coef.ravel().astype(self.real),

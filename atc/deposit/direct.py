@@ -70,6 +70,27 @@ def as_tuple(a):
     return tuple(map(as_tuple, a)) if np.ndim(a) > 1 else tuple(np.asarray(a).tolist())
 
 
+def in_bins(cell, s, support, most):
+    """Bins of a cell for points at fractional coordinates s (n, 3), in the cell along periodic axes: about as wide as
+    half the support, but not many more of them than points; `most` along an axis.
+
+    Returns
+    -------
+    (bins, low, scale) : (3,) how many, where they begin, how many to a whole edge
+    order : of the points by bin. start : the first of each bin
+    """
+    low = np.where(cell.periodic, 0.0, s.min(0))
+    span = np.where(cell.periodic, 1.0, np.maximum(s.max(0) - low, 1e-9))
+    edge = max(0.5 * support, (cell.volume * span.prod() / len(s)) ** (1.0 / 3.0))
+    bins = np.clip((span * cell.heights / edge).astype(np.int64), 1, most)
+    scale = bins / span
+    at = np.clip(((s - low) * scale).astype(np.int64), 0, bins - 1)
+    flat, many = np.ravel_multi_index(tuple(at.T), tuple(bins)), int(bins.prod())
+    # Small integers are sorted quickly.
+    order = np.argsort(flat.astype(np.min_scalar_type(many)), kind="stable")
+    return (bins, low, scale), order, np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=many))])
+
+
 class Deposit:
     """What all deposits share: the accumulators and the three ways to add. See `atc.deposit.make`."""
 
@@ -325,25 +346,14 @@ class PointsDeposit(Deposit):
         s = p @ cell.inverse
         images = np.where(cell.periodic, np.floor(s), 0.0)
         p, s = p - images @ cell.vectors, s - images
-        low = np.where(cell.periodic, 0.0, s.min(0))
-        span = np.where(cell.periodic, 1.0, np.maximum(s.max(0) - low, 1e-9))
-        # Bins about as wide as half the support, but not many more of them than points.
-        volume = cell.volume * span.prod()
-        edge = max(0.5 * self.radii[0], (volume / len(p)) ** (1.0 / 3.0))
-        self.bins = np.clip((span * cell.heights / edge).astype(np.int64), 1, 1024)
-        self.low, self.scale = low, self.bins / span
-        b = np.clip(((s - low) * self.scale).astype(np.int64), 0, self.bins - 1)
-        flat = (b[:, 0] * self.bins[1] + b[:, 1]) * self.bins[2] + b[:, 2]
-        self._sorted = np.argsort(flat, kind="stable")
+        bins, self._sorted, self.start = in_bins(cell, s, self.radii[0], 1024)
         self.points = np.ascontiguousarray(p[self._sorted])
-        self.start = np.searchsorted(flat[self._sorted], np.arange(self.bins.prod() + 1)).astype(np.int64)
-
         self._fullest = int(np.diff(self.start).max(initial=0))
         self._periodic = _array(cell.periodic, bool)
         self._geometry = tuple(
             as_tuple(a) for a in (self._origin, self._vectors, self._inverse, 1.0 / cell.heights, self._periodic)
         )
-        self._bins = tuple(as_tuple(a) for a in (self.bins, self.low, self.scale))
+        self._bins = tuple(map(as_tuple, bins))
         self._room: dict = {}
         # Without `expect`: none of them, and nothing is left out by them.
         self._marked, self._mark_bins, self._length = np.ones((1, 1, 1), bool), (3 * (0.0,), 3 * (1.0,)), -1.0

@@ -16,7 +16,7 @@ from ..errors import AtcError
 from ..kernels.binned import profile_of
 from ..simd import JIT, address, peek
 from ._points import reached
-from .direct import as_tuple
+from .direct import as_tuple, in_bins
 
 # Replaced in each copy (see `compiled.specialise`).
 VALUE = None
@@ -67,9 +67,8 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1, 
     if len(x_nc) and len(points):
         radii, coef = kernel.pieces
         add = _core(kernel.compiled, squared)
-        x, order, start, bins, low, scale = _bins(cell, np.asarray(x_nc) - cell.origin, kernel.support)
+        x, order, start, bins = _bins(cell, np.asarray(x_nc) - cell.origin, kernel.support)
         w = np.zeros(0) if w_n is None else np.ascontiguousarray(np.asarray(w_n, float)[order])
-        bins = tuple(map(as_tuple, (bins, low, scale)))
         geometry = tuple(map(as_tuple, (cell.vectors, cell.inverse, 1.0 / cell.heights, cell.periodic)))
         rest = (radii, coef, x, a_nk[order], w, start, bins, geometry)
 
@@ -94,29 +93,14 @@ def _core(compiled, squared=False):
 
 
 def _bins(cell, x, support):
-    """Positions wrapped and sorted by bin (about half a support wide); their order, the first of each bin, and the
-    geometry of the bins."""
+    """Positions wrapped and sorted by bin; their order, the first of each bin, and the geometry of the bins."""
     x = np.ascontiguousarray(x, dtype=np.float64)
     s = x @ cell.inverse
-    low = np.where(cell.periodic, 0.0, s.min(0))
-    span = np.where(cell.periodic, 1.0, np.maximum(s.max(0) - low, 1e-9))
-    edge = max(0.5 * support, (cell.volume * span.prod() / len(x)) ** (1.0 / 3.0))
-    bins = np.clip((span * cell.heights / edge).astype(np.int64), 1, 512)
-    scale = bins / span
-    x_nc, order, start = _sorted(x, s, np.array(cell.periodic), cell.vectors, bins, low, scale)
-    return x_nc, order, start, bins, low, scale
-
-
-def _sorted(x, s, periodic, vectors, bins, low, scale):
-    """Positions wrapped and sorted by bin, their order, and the first of each bin; s fractional."""
-    image = np.where(periodic, np.floor(s), 0.0)
+    image = np.where(cell.periodic, np.floor(s), 0.0)
     for a in range(3):
-        x = x - image[:, a, None] * vectors[a]
-    at = np.clip(((s - image - low) * scale).astype(np.int64), 0, bins - 1)
-    flat, many = np.ravel_multi_index(tuple(at.T), tuple(bins)), int(bins.prod())
-    # Small integers are sorted quickly.
-    order = np.argsort(flat.astype(np.min_scalar_type(many)), kind="stable")
-    return x[order], order, np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=many))])
+        x = x - image[:, a, None] * cell.vectors[a]
+    bins, order, start = in_bins(cell, s - image, support, 512)
+    return x[order], order, start, tuple(map(as_tuple, bins))
 
 
 @njit(**JIT, no_cpython_wrapper=True)
@@ -224,11 +208,6 @@ def _gather_squares(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, val
             phi_n[n] = 0.0
 
 
-def marginal_slope(marginal, z):
-    """dφ₁/dz of a kernel integrated over planes."""
-    return marginal.slope(z)
-
-
 def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient, squared=False):
     """Averages over the cross-section: Σ a φ₁(z_j − z)/area."""
     axis = bound.axis
@@ -259,7 +238,7 @@ def _gather_slab(bound, kernel, cell, x_nc, a_nk, gradient, squared=False):
                 continue
             values[g] += marginal.phi(d) @ a_nk[a:b]
             if gradient:
-                slopes[g] -= marginal_slope(marginal, d) @ a_nk[a:b]
+                slopes[g] -= marginal.slope(d) @ a_nk[a:b]
         if squared:
             values[g] = w_n**2 @ a_nk
     area = cell.volume / height

@@ -25,11 +25,11 @@ import numpy as np
 
 from ..errors import AtcError
 from . import fourier, spread
+from .bond_points import SAMPLE, BondPoints
 from .direct import _NOT_FINITE, Deposit
+from .mesh import Mesh
 from .modes import Modes, largest_modes, separable
 
-# Points a bond gets at most before it is cut into pieces.
-MOST = 10
 # Bytes of one mesh, of one group of components.
 LARGEST = 8.0e9
 # Points to spread in a ball of radius R/4, as in dense argon at R = 10 Å: what the choice between a fine mesh and a
@@ -43,8 +43,6 @@ SHARES = {True: (0.35, 0.25, 0.9), False: (0.4, 0.25, 0.4)}
 # What of its share the modes left out get in the plane, where gradients are wanted: measured, the largest errors of 1.5
 # times the tolerance become 0.8.
 PLANE_RIM = 0.35
-# Bonds among which the loosest sufficient choice of points is looked for, and how far it may go (in powers of two).
-SAMPLE, LOOSEST = 600, 8
 # From this tolerance on meshes are in single precision, and from the second on transforms too. Rounding errors are
 # relative to all modes, kept or not: the wider the kernel, the smaller a part of them is the field. Measured on argon
 # with R = 10 and 20 Å: 1e-6 and 2e-6 of its largest value.
@@ -55,50 +53,6 @@ SHORT = 8000, 16.0
 # Atoms are never many near one node, other than the points of the bonds of one: as many as make so many sums a node on
 # average.
 SPARSE = 100.0
-
-
-class _Mesh:
-    """What one thread has spread: nodes [low, low + shape) × components, `scale` times the sources; `total` what has
-    been moved on.
-
-    Rows along z are stored with some nodes to spare, see `spread.row_length`."""
-
-    def __init__(self, low, shape, lanes, real):
-        self.low, self.lanes, self.real = low, lanes, real
-        self.shape = tuple(int(n) for n in shape)
-        self.row = spread.row_length(self.shape[2], lanes * np.dtype(real).itemsize)
-        self.stored = (*self.shape[:2], self.row)
-        self.flat = spread.aligned(int(np.prod(self.stored)) * lanes, real)
-        self.total, self.scale, self.largest, self.points = None, 0.0, 0.0, 0
-        self.rows = np.zeros(self.shape[:2], np.uint8)
-
-    def planes(self):
-        """[(array [x][y][z][component], scale)]"""
-        parts = [(self.flat, self.scale)] if self.scale else []
-        if self.total is not None:
-            parts.append((self.total, 1.0))
-        return [(a.reshape(*self.stored, self.lanes)[:, :, : self.shape[2]], s) for a, s in parts]
-
-    def flush(self, width):
-        if self.total is None:
-            self.total = spread.aligned(len(self.flat), np.float64)
-        self.largest = max(self.largest, self.scale)
-        mesh, total = (a.reshape(*self.shape[:2], -1) for a in (self.flat, self.total))
-        spread.flush(mesh, self.rows, width, total, self.scale)
-        self.points = 0
-
-    def grown(self, low, shape):
-        """The same on more nodes."""
-        new = _Mesh(low, shape, self.lanes, self.real)
-        new.scale, new.largest, new.points = self.scale, self.largest, self.points
-        at = tuple(slice(int(a), int(a) + n) for a, n in zip(self.low - low, self.shape))
-        end = self.shape[2]
-        new.flat.reshape(*new.stored, -1)[at] = self.flat.reshape(*self.stored, -1)[:, :, :end]
-        new.rows[at[:2]] = self.rows
-        if self.total is not None:
-            new.total = spread.aligned(len(new.flat), np.float64)
-            new.total.reshape(*new.stored, -1)[at] = self.total.reshape(*self.stored, -1)[:, :, :end]
-        return new
 
 
 class SpectralDeposit(Deposit):
@@ -142,7 +96,8 @@ class SpectralDeposit(Deposit):
             raise AtcError("method 'spectral' does not average over slabs: use method 'direct'")
         self.real = np.float32 if self.tolerance >= SINGLE else np.float64
         self._number = np.float32 if self.tolerance >= SINGLE_TRANSFORM else np.float64
-        modes, mesh, self._bond_share = (self.tolerance * share for share in SHARES[kernel.analytic])
+        modes, mesh, share = (self.tolerance * share for share in SHARES[kernel.analytic])
+        self.bond_points = BondPoints(kernel, share, self.gradients)
         if self._flat and self.gradients and not kernel.analytic:
             # The rim of a disc is more of it than that of a ball: where slopes have kinks, errors gather there.
             modes *= PLANE_RIM
@@ -180,7 +135,6 @@ class SpectralDeposit(Deposit):
             )
         )
         self._points = [0] * self.threads
-        self._rule = None
         self._mesh_share = mesh
         self._counting = Lock()
 
@@ -215,20 +169,12 @@ class SpectralDeposit(Deposit):
                 f"at tolerance {self.tolerance:g}: use method 'direct', a smoother kernel or a looser tolerance"
             )
 
-    def _rules(self):
-        """Gauss-Legendre rules, the longest bonds they do for, and the window's polynomials."""
-        if self._rule is None:
-            nodes, weights = fourier.legendre_rules(MOST)
-            levels = self._levels()
-            longest = fourier.longest_bonds(self.kernel, levels, MOST, self.gradients)
-            # Three windows multiply; what a mode is divided by makes their error larger by no more than about ten.
-            coef = fourier.window_polynomials(self.parameters.width, self.parameters.shape, 0.005 * self.tolerance)
-            self._rule = nodes, weights, longest, coef
-        return self._rule
-
-    def _levels(self):
-        """What a bond's error may be, by its strength. Not below what rounding lets a rule do."""
-        return np.maximum(self._bond_share * 2.0 ** np.arange(-spread.LEVELS, spread.LEVELS + 1), 1e-13)
+    @cached_property
+    def window(self) -> np.ndarray:
+        """The window's polynomials. Three windows multiply; what a mode is divided by makes their error larger by no
+        more than about ten."""
+        p = self.parameters
+        return fourier.window_polynomials(p.width, p.shape, 0.005 * self.tolerance)
 
     def add_strong(self, x_bc, r_bc, b_bk):
         """Like `add_bonds`, for bonds more than 2^`spread.STRONG` times as strong as others of the frame: the same
@@ -253,47 +199,7 @@ class SpectralDeposit(Deposit):
         if len(b_bk):
             self._add("bond", x_bc, np.arange(len(b_bk), dtype=np.int32), r_bc, b_bk, 0, typical=typical)
 
-    def points_of(self, length: float) -> int:
-        """How many points a bond of this length and of mean strength becomes: an estimate, see `_slack`."""
-        longest = self._longest_of_mean
-        enough = np.flatnonzero(longest >= length)
-        return int(enough[0]) + 1 if len(enough) else MOST * ceil(length / longest[-1])
-
-    @cached_property
-    def _longest_of_mean(self) -> np.ndarray:
-        """The longest bonds of about mean strength that 1, 2, .. points do for."""
-        return fourier.longest_bonds(self.kernel, np.array([2.0 * self._bond_share]), MOST, self.gradients)[0]
-
     # --- adding
-    def _slack(self, i_b, r_bc, b_bk, weight_k, collapse=None):
-        """By how much the error of a bond may exceed its share of the tolerance, as a power of two, when that of all
-        together does not.
-
-        With one number of points or another most bonds do far better than they must. collapse : the longest bonds that
-        do not become points, by level, and their error as a function of the length.
-        """
-        some = slice(None, None, max(1, len(i_b) // SAMPLE))
-        strength = (np.abs(b_bk[some]) * weight_k).max(1)
-        length = np.linalg.norm(r_bc[some], axis=1)
-        length, strength = length[strength > 0], strength[strength > 0]
-        longest = self._rules()[2]
-        level = spread.LEVELS - np.frexp(strength)[1]
-        for slack in range(LOOSEST, 0, -1):
-            enough = longest[np.clip(level + slack, 0, 2 * spread.LEVELS)]
-            m = np.minimum((length[:, None] > enough).sum(1), MOST - 1)
-            pieces = np.maximum(1.0, np.ceil(length / enough[np.arange(len(m)), m]))
-            part = fourier.rule_error(self.kernel, m, length / pieces, self.gradients)
-            if collapse is not None:
-                short = length <= collapse[0][np.clip(level + slack, 0, 2 * spread.LEVELS)]
-                part[short] = collapse[1](length[short])
-            part *= strength
-            # Mean strength is 1 or more: sums in step, and of squares.
-            if part.mean() <= self._bond_share and np.sqrt((part**2).mean()) <= self._bond_share * np.sqrt(
-                (strength**2).mean()
-            ):
-                return slack
-        return 0
-
     def _groups(self, n_comp):
         """Components that share a mesh: [(first, last, components of the mesh)]."""
         # A symmetric tensor apart: what may come behind it, its antisymmetric part, is 0 of most bonds.
@@ -303,8 +209,7 @@ class SpectralDeposit(Deposit):
     def _add(self, what, x_nc, i_b, r_bc, b_bk, thread, typical=None, strong=False, slack=None):
         if not 0 <= thread < self.threads:
             raise ValueError(f"thread {thread} of a deposit made for {self.threads}")
-        nodes, weights, longest, coef = self._rules()
-        width = self.parameters.width
+        bonds, coef, width = self.bond_points, self.window, self.parameters.width
         open_axes = not self._periodic.all()
         bounds, mean, most, finite = spread.survey(x_nc, i_b, r_bc, b_bk, self._origin, self._to_mesh, open_axes)
         if not finite:
@@ -317,7 +222,7 @@ class SpectralDeposit(Deposit):
         mean = mean if typical is None else typical
         weight = np.divide(1.0, mean, out=np.zeros_like(mean), where=mean > 0)
         if slack is None:
-            slack = self._slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
+            slack = bonds.slack(i_b, r_bc, b_bk, weight) if what == "bond" and len(i_b) > SAMPLE else 0
         for first, last, lanes in self._groups(b_bk.shape[1]):
             part = b_bk if last - first == b_bk.shape[1] else np.ascontiguousarray(b_bk[:, first:last])
             mesh = self._mesh_for((what, first, thread), lo, hi, lanes, most)
@@ -331,9 +236,8 @@ class SpectralDeposit(Deposit):
                 mesh.row,
                 weight[first:last] * 0.5**slack,
                 slack + 4 * spread.LEVELS * strong,
-                longest,
-                nodes,
-                weights,
+                bonds.longest,
+                *bonds.rules,
                 coef.ravel().astype(self.real),
                 1.0 / mesh.scale,
                 mesh.flat,
@@ -371,7 +275,7 @@ class SpectralDeposit(Deposit):
             low[2], high[2] = 0, 1
         if mesh is None:
             self._check(high - low)
-            mesh = self._meshes[key] = _Mesh(low, high - low, lanes, self.real)
+            mesh = self._meshes[key] = Mesh(low, high - low, lanes, self.real)
         elif (low < mesh.low).any() or (high > mesh.low + mesh.shape).any():
             # Half as much again on the side that grows: not every piece shall copy the mesh.
             size = np.array(mesh.shape)
@@ -523,7 +427,7 @@ class SpectralDeposit(Deposit):
         self._each(component, range(len(F)))
         mesh = np.stack(mesh)
         t = self.grid.relative_points_gc @ self._to_mesh
-        coef = self._rules()[3]
+        coef = self.window
         cuts = np.linspace(0, len(t), self.threads + 1).astype(int)
 
         def part(k):

@@ -9,24 +9,24 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
+from . import checks
 
 #: kind: names of the local axes, which are the grid's dimensions
 AXES = {"cylindrical": ("r", "phi", "z"), "spherical": ("r", "theta", "phi")}
 
 
-def checked(kind, *, center, radius, inner, shape, axis, length, numbers, counts) -> dict:
-    """The parameters of such a grid; `numbers` and `counts` are the checks of the room. AtcError for what cannot be
-    meant."""
-    out = {"center": None, "axis": axis, "shape": counts(f"{kind} grid shape", shape, 3), "length": None}
+def checked(kind, *, center, radius, inner, shape, axis, length) -> dict:
+    """The parameters of such a grid. AtcError for what cannot be meant."""
+    out = {"center": None, "axis": axis, "shape": checks.counts(f"{kind} grid shape", shape, 3), "length": None}
     out["radius"], out["inner"] = (
-        float(numbers(f"{kind} grid {k}", v, ())) for k, v in (("radius", radius), ("inner", inner))
+        float(checks.numbers(f"{kind} grid {k}", v, ())) for k, v in (("radius", radius), ("inner", inner))
     )
     if not 0 <= out["inner"] < out["radius"]:
         raise AtcError(f"{kind} grid: expected 0 <= inner < radius, got inner {inner!r}, radius {radius!r}")
     if center is not None:
-        out["center"] = numbers(f"{kind} grid center", center, (3,))
+        out["center"] = checks.numbers(f"{kind} grid center", center, (3,))
     if length is not None:
-        out["length"] = float(numbers(f"{kind} grid length", length, ()))
+        out["length"] = float(checks.numbers(f"{kind} grid length", length, ()))
         if out["length"] <= 0:
             raise AtcError(f"{kind} grid length {length!r}: expected a length greater than 0")
     return out

@@ -39,7 +39,7 @@ def resolved(grid, kern, frame):
     ------
     AtcError : if there is no kernel
     """
-    if getattr(grid, "_", {}).get("padding") != "auto":
+    if grid is None or grid.padding != "auto":
         return grid
     if kern is None:
         raise AtcError('grid padding = "auto" is the reach of the kernel, but there is none: give a length')
@@ -58,7 +58,7 @@ def beyond(grid, kern, frame) -> tuple[float, str]:
 
     0 for grids that are no such grids. Axis by axis, with the kernel integrated over planes: exact for one open axis.
     """
-    if not getattr(grid, "over_cell", False) or not len(frame):
+    if grid is None or not grid.over_cell or not len(frame):
         return 0.0, ""
     bound = grid.bind(frame.units, frame.cell, frame.positions)
     cell, p = bound.cell, grid._

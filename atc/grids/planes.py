@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
+from . import checks
 
 #: Planes lie this share of the cell's height lower than they are said to: atoms on a plane, to rounding, are above it.
 BELOW = 1e-9
@@ -16,7 +17,7 @@ BY_FRAMES = "frames"
 
 def through_planes(grid) -> bool:
     """Whether sums on this grid are counted, without a kernel."""
-    return bool(getattr(grid, "counts_crossings", False))
+    return grid is not None and grid.counts_crossings
 
 
 def by_frames(grid) -> bool:
@@ -24,27 +25,26 @@ def by_frames(grid) -> bool:
     return grid._["interval"] == BY_FRAMES
 
 
-def checked(*, axis, positions, n, shift, patches, interval, numbers, counts) -> dict:
-    """The parameters of such a grid; `numbers` and `counts` are the checks of the room. AtcError for what cannot be
-    meant."""
+def checked(*, axis, positions, n, shift, patches, interval) -> dict:
+    """The parameters of such a grid. AtcError for what cannot be meant."""
     if (positions is None) == (n is None):
         raise AtcError("planes: give either their positions or n, how many there are over the cell")
     out: dict = {"axis": axis, "positions": None, "n": None, "shift": shift, "patches": None, "interval": None}
     if n is None:
-        at = numbers("positions of planes", positions, (None,))
+        at = checks.numbers("positions of planes", positions, (None,))
         if not len(at) or (np.diff(at) <= 0).any():
             raise AtcError(f"positions of planes: expected one or more, ascending, got {positions!r}")
         out["positions"] = at
     else:
-        (out["n"],) = counts("number of planes", n, 1)
+        (out["n"],) = checks.counts("number of planes", n, 1)
     if patches is not None:
-        out["patches"] = counts("patches of a plane", patches, 2)
+        out["patches"] = checks.counts("patches of a plane", patches, 2)
     if isinstance(interval, str):
         if interval != BY_FRAMES:
             raise AtcError(f'interval {interval!r}: expected a time, or "frames" (from the frame before to this one)')
         out["interval"] = interval
     elif interval is not None:
-        out["interval"] = float(numbers("interval of planes", interval, ()))
+        out["interval"] = float(checks.numbers("interval of planes", interval, ()))
         if out["interval"] <= 0:
             raise AtcError(f"interval {interval!r}: expected a time greater than 0")
     return out

@@ -83,28 +83,17 @@ class Radial(Kernel):
         rho = np.sqrt((d**2).sum(-1))
         return np.abs(rho[..., None] - np.append(self.radii, 0.0)).min(-1)
 
+    def _with(self, radii, normalisation, table, dimension):
+        return Radial(self.name, radii, self.coef_mk, normalisation, table, dimension)
+
     def scaled(self, factor):
-        table = None if self._table is None else self._table * [factor, 1.0]
         if factor == 1.0:
             return self
-        return Radial(
-            self.name,
-            self.radii * factor,
-            self.coef_mk,
-            self.normalisation / factor**self.dimension,
-            table,
-            self.dimension,
-        )
+        table = None if self._table is None else self._table * [factor, 1.0]
+        return self._with(self.radii * factor, self.normalisation / factor**self.dimension, table, self.dimension)
 
     def planar(self):
-        return Radial(
-            self.name,
-            self.radii,
-            self.coef_mk,
-            1.0 / _plane_integral(self.radii, self.coef_mk),
-            self._table,
-            dimension=2,
-        )
+        return self._with(self.radii, 1.0 / _plane_integral(self.radii, self.coef_mk), self._table, 2)
 
     def phi(self, d):
         rho = np.sqrt((np.asarray(d, float) ** 2).sum(-1))

@@ -396,7 +396,7 @@ def points_each(deposit, length: float) -> float:
     if length <= 0:
         return 1.0
     on_bonds = [part for part, yes in zip(_LENGTHS, _collapse(deposit, length)) if not yes]
-    return sum(deposit.points_of(length * part) for part in on_bonds) / len(_LENGTHS)
+    return sum(deposit.bond_points.points_of(length * part) for part in on_bonds) / len(_LENGTHS)
 
 
 def collapsed(deposit, length: float) -> float:

@@ -42,7 +42,7 @@ def scene_of(job) -> str:
     if job.request.output_units is not None:
         given = job.request.output_units
         sections["output"] = {"units": given if isinstance(given, str) else ", ".join(map(str, given))}
-    return toml_document({name: {k: _plain(v) for k, v in (table or {}).items()} for name, table in sections.items()})
+    return toml_document({name: {k: _plain(v) for k, v in table.items()} for name, table in sections.items() if table})
 
 
 def file_name(source) -> str:

@@ -272,7 +272,7 @@ def _crystal_of(scene, get, traj, units) -> Crystal:
             raise AtcError(
                 f"{scene.where('dispersion', 'unit_cell')}: [dispersion] give structure or unit_cell, not both"
             )
-        frame = scene._read(cell, "unit_cell") if os.path.exists(cell) else None
+        frame = scene.read(cell, "unit_cell") if os.path.exists(cell) else None
         if frame is None:
             raise AtcError(f"{scene.where('dispersion', 'unit_cell')}: [dispersion] unit_cell: there is no file {cell}")
         crystal = Crystal.from_frame(frame[0], name=cell.name)

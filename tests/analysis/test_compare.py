@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from atc.analysis.compare import ACCURACY, POINTWISE, PROFILES, compare, side_by_side
+from atc.analysis.compare import ACCURACY, PROFILES, compare
+from atc.analysis.comparison import POINTWISE, side_by_side
 from atc.errors import AtcError
 
 xr = pytest.importorskip("xarray")

@@ -10,7 +10,7 @@ from frames import CELLS, argon
 from naive_fields import BruteLJ, images, site_sum
 
 import atc
-from atc.deposit.gradient import gather, marginal_slope
+from atc.deposit.gradient import gather
 from atc.errors import AtcError
 from atc.estimators.registry import QUANTITIES
 from atc.frame import Cell, Frame
@@ -97,12 +97,10 @@ def test_slope_of_marginals(name, radius):
     z = np.linspace(-radius, radius, 41)[1:-1] + 0.013
     if kern.is_isotropic:
         d = z[:, None] * [0.0, 0.0, 1.0]
-        np.testing.assert_allclose(marginal_slope(m, z), -2 * np.pi * z * kern.phi(d), rtol=0, atol=1e-13 * m.phi(0.0))
+        np.testing.assert_allclose(m.slope(z), -2 * np.pi * z * kern.phi(d), rtol=0, atol=1e-13 * m.phi(0.0))
     h = 1e-5
     # central differences: h² φ₁'''/6, and a kink of φ₁' within h of no point
-    np.testing.assert_allclose(
-        marginal_slope(m, z), (m.phi(z + h) - m.phi(z - h)) / (2 * h), rtol=0, atol=1e-8 * m.phi(0.0)
-    )
+    np.testing.assert_allclose(m.slope(z), (m.phi(z + h) - m.phi(z - h)) / (2 * h), rtol=0, atol=1e-8 * m.phi(0.0))
 
 
 @pytest.mark.parametrize("cell", ["tilted", "orthogonal"])

@@ -139,7 +139,7 @@ def test_a_mixture_that_diffuses_gets_a_note():
     assert not atc.heat_currents(one, POT).notes
     pairs = atc.Topology(bonds=np.arange(32).reshape(16, 2), bond_types=np.ones(16, int))
     types = np.tile([1, 2], 16)
-    from atc.analysis.green_kubo import species
+    from atc.analysis.heat_currents import species
 
     kinds, names = species(mixture(0.1)[0].replace(types=types, topology=pairs))
     assert len(set(kinds.tolist())) == 1 and names == ["molecules of 1 type 1 + 1 type 2"]

@@ -9,7 +9,8 @@ import pytest
 from test_cli import write_dump
 from test_run import Stop, stop_after
 
-from atc.config.scene import SYSTEMS, Scene
+from atc.config.potentials import SYSTEMS
+from atc.config.scene import Scene
 from atc.config.schema import GRIDS, SCHEMA
 from atc.errors import AtcError
 

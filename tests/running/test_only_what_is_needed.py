@@ -5,7 +5,7 @@ import pytest
 from test_run import Stop, same, stop_after
 
 import atc
-import atc.analysis.green_kubo
+import atc.analysis.heat_currents
 import atc.decomposers.many_body.neighbor_work as triplet_module
 import atc.deposit
 from atc.decomposers.many_body.neighborhood import Neighborhood
@@ -226,11 +226,11 @@ def test_green_kubo_keeps_its_neighbours(monkeypatch, walk, lists):
         x = x + rng.normal(0, walk, x.shape)
         trajectory.append(frame.replace(positions=x + rng.normal(0, 0.02, x.shape), time=0.01 * k))
     built = Counter(monkeypatch, neighbors.CellList, "_chunks")
-    kept = atc.analysis.green_kubo.heat_currents(iter(trajectory), pot)
+    kept = atc.analysis.heat_currents.heat_currents(iter(trajectory), pot)
     made = len(built.calls)
     assert lists[0] <= made <= lists[1]
     monkeypatch.setattr("atc.neighbors.verlet.Following.at", lambda self, frame: None)
-    every = atc.analysis.green_kubo.heat_currents(trajectory, pot)
+    every = atc.analysis.heat_currents.heat_currents(trajectory, pot)
     assert len(built.calls) == made + 40
     # rounding: sums in another order
     np.testing.assert_allclose(kept.J_tc, every.J_tc, rtol=0, atol=1e-12 * np.abs(every.J_tc).max())

@@ -214,12 +214,10 @@ class SlabBins:
 
     def gather(self, x_nc, a_nk, w_n, gradient, key="gather"):
         """Σ a φ₁/A and its derivative along the normal."""
-        from ...deposit.gradient import marginal_slope
-
         slopes = None
         if gradient:
             # d = z_j − z, so that the derivative with respect to z has the other sign.
-            slopes = self._sum(x_nc, None, a_nk, lambda d: -marginal_slope(self.marginal, d))[:, :, None] * self.normal
+            slopes = self._sum(x_nc, None, a_nk, lambda d: -self.marginal.slope(d))[:, :, None] * self.normal
         return self._sum(x_nc, None, a_nk), slopes
 
     def open(self, n_bond, key="bond", length=None):
