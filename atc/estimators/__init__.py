@@ -2,7 +2,8 @@
 
 ``driver``       frames in, fields out; a frame is a group of one
 ``runs``         consecutive frames with one cell, and the sums that they give
-``passes``       one frame's sums: over bonds, over atoms, with the kernel's gradient
+``bond_pass``    one frame's sums over its bonds; ``atom_pass``: over its atoms, with the kernel's gradient too
+``place``        where sums are wanted, and how they are taken there
 ``forming``      the fields, formed once from the sums, and their errors
 ``tiles``        the pass over the bonds, tile by tile (``tile_cuts``: how a frame is cut)
 ``groups``       which sums of several frames are added up before they are finished

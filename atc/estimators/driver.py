@@ -13,15 +13,17 @@ from time import perf_counter
 import numpy as np
 
 from ..grids.planes import through_planes
-from . import passes, planes, tiles
+from . import planes, tiles
 from .accuracy.strongest_bonds import StrongestBonds, StrongestOfFrames, summed_exactly
+from .atom_pass import add_atoms, atom_pass, gather_pass, reference_gather_pass
+from .bond_pass import BondPass, bond_pass, named_bond_sums, reference_bonds
 from .chosen import chosen_of
 from .deposits import SQUARES
 from .field_pass import FieldPass, atom_fields, finer_check, is_checked
 from .forming import form
 from .groups import POINTS, MeanFields, elements, joined, of_one_cell, of_parts
 from .methods import DEPOSITS, NAMES
-from .passes import BondPass, Place, named_bond_sums, reference_bonds
+from .place import Place
 from .requirements import require
 from .runs import Run, RunBonds, RunSums
 from .settings import FrameResult, Settings
@@ -128,7 +130,7 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
         if together is not None:
             # Velocities relative to the same drift in all frames.
             common = factors if k == 0 else run.factors(k, factors.per_atom, run.drifts[0])
-            passes.add_atoms(here.grid, together, frame, work.site, common)
+            add_atoms(here.grid, together, frame, work.site, common)
         else:
             clear_thin(grid, methods)
             thin |= thin_sums(grid, work)
@@ -173,7 +175,7 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
             # A frame alone is in memory anyway when it is looked around in.
             kept = {} if seek and not run.several else None
             more = {"chosen": run.chosen[k], "check": not finer, "deposit": deposit, "strongest": found[-1]}
-            one = passes.bond_pass(frame, task, to_reference, settings.anchor, kept, **more)
+            one = bond_pass(frame, task, to_reference, settings.anchor, kept, **more)
             if finer:
                 check_gk = finer_check(streamed, frame, work, here, drift)
                 one = replace(one, totals=replace(one.totals, bond=(one.totals.bond[0], check_gk)))
@@ -218,10 +220,10 @@ def frame_sums(
     both[0] = replace(both[0], whole={name: WHOLE[name].of(factors, one) for name in work.whole})
     gathered = []
     if due(work.gather, "gather"):
-        gathered.append(passes.gather_pass(frame, settings.reference, work, here, factors))
+        gathered.append(gather_pass(frame, settings.reference, work, here, factors))
     if due(work.reference_gather, "reference_gather"):
         energies_n = settings.reference_energies_n
-        gathered.append(passes.reference_gather_pass(frame, settings.reference, energies_n, reference, factors))
+        gathered.append(reference_gather_pass(frame, settings.reference, energies_n, reference, factors))
     for pair in gathered:
         both = [
             replace(sums, **{kind: getattr(sums, kind) | more for kind, more in found.items()})
@@ -230,13 +232,11 @@ def frame_sums(
     if due(work.gather, "gather") and work.site and not work.summed_site:
         both[0] = replace(both[0], site={name: both[0].gathered[name] for name in work.site})
         # The check keeps to a path of its own.
-        both[1] = passes.atom_pass(both[1], frame, work, here.check.deposits, factors)
+        both[1] = atom_pass(both[1], frame, work, here.check.deposits, factors)
     if due(work.summed_site, "site"):
         within = (SQUARES * settings.tolerance, 0.0)
         both = [
-            sums
-            if at == 0 and "site" in run.together
-            else passes.atom_pass(sums, frame, work, deposits, factors, within[at])
+            sums if at == 0 and "site" in run.together else atom_pass(sums, frame, work, deposits, factors, within[at])
             for at, (sums, deposits) in enumerate(zip(both, here.both))
         ]
     return both[0], both[1]

@@ -284,7 +284,7 @@ class FieldPass:
     pot : with fields
     frames, drifts : Frames, and the mean velocity of each
     names : sums over bonds, of `KNOWN`
-    place : `passes.Place`, the grid and the points of the error check
+    place : `place.Place`, the grid and the points of the error check
     tolerance : of the result
 
     Attributes
@@ -324,7 +324,7 @@ class FieldPass:
         return self._columns(self.tight.at(which))
 
     def added(self, k: int, bonds):
-        """`bonds`, the `passes.BondPass` of frame `k`, with the fields' share at the points of the check."""
+        """`bonds`, the `bond_pass.BondPass` of frame `k`, with the fields' share at the points of the check."""
         grid_gk, check_gk = bonds.totals.bond
         check_gk = check_gk.copy()  # its last column may be the size of the bonds' terms
         check_gk[:, : self.grid_gk.shape[1]] += self.check[k]
@@ -372,7 +372,7 @@ def finer_check(pot, frame, work, place, drift) -> np.ndarray | None:
 
 
 def atom_fields(pot, frame, work, bonds, tiled: bool = False):
-    """`bonds`, the `passes.BondPass` of a frame, with the fields' share of the sums per atom and of the box. tiled :
+    """`bonds`, the `bond_pass.BondPass` of a frame, with the fields' share of the sums per atom and of the box. tiled :
     they are those of the bonds alone."""
     power = "box_power" in work.whole
     for term in pot.fields:

@@ -7,8 +7,10 @@ from dataclasses import replace
 from ..grids.curved import in_local_axes
 from .accuracy.random_points import ZERO, extent_of, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, error_of
+from .atom_pass import atom_pass
+from .bond_pass import named_bond_sums
 from .groups import MeanFields, elements
-from .passes import Place, atom_pass, named_bond_sums
+from .place import Place
 from .quantities.quantity import Quantity
 from .runs import Run, RunBonds, RunSums
 from .settings import FrameResult

@@ -9,11 +9,12 @@ import numpy as np
 from ..decomposers.constraints.virtual_sites import atoms_of
 from .accuracy.random_points import kernel_internal
 from .accuracy.strongest_bonds import StrongestOfFrames
+from .bond_pass import BondPass, BondTask
 from .chosen import chosen_of
 from .field_pass import FieldPass
 from .groups import MeanFields, added_up, elements, formed_once
-from .passes import BondPass, BondTask, Place
 from .peridynamic import horizon_of
+from .place import Place
 from .quantities.quantity import Quantity
 from .settings import Settings
 from .sources import AtomFactors, drift_velocity

@@ -19,8 +19,8 @@ class Source:
     """A factor that is summed: its number of components, what it cannot do without, and what it is.
 
     of : of atoms, (n, width) from their `sources.AtomFactors`; over the whole frame, from these and the
-        `passes.BondPass`; of bonds, what puts (b, width) into an array: of `sources.BondFactors`, the bonds, the first
-        column and the array. None where a pass of its own knows it
+        `bond_pass.BondPass`; of bonds, what puts (b, width) into an array: of `sources.BondFactors`, the bonds, the
+        first column and the array. None where a pass of its own knows it
     """
 
     width: int

@@ -365,7 +365,7 @@ class PointsAround:
     Parameters
     ----------
     frame : Frame, the first of them
-    place : `passes.Place`
+    place : `place.Place`
     strongest : StrongestBonds
     strong_g : (g,) largest component of the exact sums of those bonds that are summed exactly
 
