@@ -13,7 +13,7 @@ from test_run import Stop, same, stop_after
 import atc
 from atc.decomposers.outside import Friction, OutsideForces
 from atc.errors import AtcError, AtcWarning
-from atc.estimators import driver, forming, groups
+from atc.estimators import driver, forming, groups, runs
 from atc.estimators.methods import Method
 from atc.estimators.registry import QUANTITIES
 from atc.estimators.work import Work
@@ -248,8 +248,8 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     monkeypatch.setattr(forming, "PointsAround", lambda *a: looked.append(1) or points_around(*a))
     done = []
     for goal, methods in ((1e-1, spectral), (1e-4, spectral), (1.0, {})):
-        run = driver.Run.of(frames, settings, request.work, 0, goal)
-        sums = driver.sum_up(run, methods)
+        run = runs.Run.of(frames, settings, request.work, 0, goal)
+        sums = runs.sum_up(run, methods)
         done.append((sums.bonds.strongest, forming.form(run, sums)))
         assert len(looked) == (goal == 1e-4) + (goal == 1.0)
     loose, close_, exact = (result.arrays["stress_potential"] for _, result in done)
@@ -261,8 +261,8 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
         assert 0.1 * true <= result.errors["stress_potential"]["error_max"] <= max(3 * true, 1e-3)
     # without them the error is the pair's
     monkeypatch.setattr(driver, "summed_exactly", lambda *a: np.zeros((1000, 6)))
-    run = driver.Run.of(frames, settings, request.work)
-    result = forming.form(run, driver.sum_up(run, spectral))
+    run = runs.Run.of(frames, settings, request.work)
+    result = forming.form(run, runs.sum_up(run, spectral))
     assert np.abs(result.arrays["stress_potential"] - exact).max() / np.abs(exact).max() > 5 * true
 
 
