@@ -6,6 +6,7 @@
 ``place``        where sums are wanted, and how they are taken there
 ``forming``      the fields, formed once from the sums, and their errors
 ``tiles``        the pass over the bonds, tile by tile (``tile_cuts``: how a frame is cut)
+``results``      the fields of a frame, and how those of several are put together
 ``groups``       which sums of several frames are added up before they are finished
 ``quantities``   what each quantity needs and how it is formed, by kind: one entry each (``registry``: by name)
 ``summed``       what can be summed: one entry each

@@ -14,11 +14,12 @@ from ..grids.planes import through_planes
 from . import planes
 from .chosen import chosen_of
 from .forming import form
-from .groups import POINTS, joined, of_one_cell, of_parts
+from .groups import POINTS, of_one_cell
 from .methods import DEPOSITS, NAMES
 from .requirements import require
+from .results import FrameResult, joined, of_parts, with_others
 from .runs import Run, sum_up
-from .settings import FrameResult, Settings
+from .settings import Settings
 from .tightening import SAFE, tightened
 
 
@@ -88,4 +89,4 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
         again = set(DEPOSITS) if several else set(tighter)
     result.methods, result.refined = methods, refined
     result.seconds["total"] = perf_counter() - start
-    return result if counted is None else planes.with_others(counted, result, names)
+    return result if counted is None else with_others(counted, result, names)

@@ -9,11 +9,11 @@ from .accuracy.random_points import ZERO, extent_of, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, error_of
 from .atom_pass import atom_pass
 from .bond_pass import named_bond_sums
-from .groups import MeanFields, elements
+from .groups import elements
 from .place import Place
 from .quantities.quantity import Quantity
+from .results import FrameResult, MeanFields
 from .runs import Run, RunBonds, RunSums
-from .settings import FrameResult
 from .tightening import SAFE, checkable
 
 

@@ -12,7 +12,6 @@ Source: Todd, Evans & Daivis, Phys. Rev. E 52 (1995) 1627; Irving & Kirkwood, J.
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -20,7 +19,7 @@ import numpy as np
 from ..deposit.crossings import Crossings
 from ..errors import AtcError
 from ..grids.planes import BY_FRAMES, by_frames
-from .settings import FrameResult
+from .results import FrameResult
 from .sources import AtomFactors, BondFactors, PerAtom, cells_moved, same_atoms
 from .summed import BOND, SITE, by_name
 from .sums import Sums
@@ -103,18 +102,6 @@ def of_frame(frame, grid, names, pot, chosen, threads: int, anchor=None) -> Fram
     exact = {q.name: {"error_max": 0.0, "error_l2": 0.0} for q in work.quantities}
     return FrameResult(
         arrays, errors=exact, expected=dict.fromkeys(arrays, 0.0), bound=bound, seconds=seconds, notes=bonds.notes
-    )
-
-
-def with_others(on_planes: FrameResult, others: FrameResult, names) -> FrameResult:
-    """The fields on planes, and those of the same frame that are on no grid, in the order of `names`."""
-    return replace(
-        others,
-        arrays={name: {**on_planes.arrays, **others.arrays}[name] for name in names},
-        errors={**others.errors, **on_planes.errors},
-        expected={**others.expected, **on_planes.expected},
-        bound=on_planes.bound,
-        seconds={key: on_planes.seconds.get(key, 0.0) + s for key, s in others.seconds.items()},
     )
 
 

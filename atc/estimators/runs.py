@@ -16,11 +16,12 @@ from .bond_pass import BondPass, BondTask, bond_pass, named_bond_sums, reference
 from .chosen import chosen_of
 from .deposits import SQUARES
 from .field_pass import FieldPass, atom_fields, finer_check, is_checked
-from .groups import MeanFields, added_up, elements, formed_once
+from .groups import added_up, elements, formed_once
 from .methods import DEPOSITS
 from .peridynamic import horizon_of
 from .place import Place
 from .quantities.quantity import Quantity
+from .results import MeanFields
 from .settings import Settings
 from .sources import AtomFactors, drift_velocity
 from .summed import BOND, SITE, WHOLE, by_name

@@ -1,4 +1,4 @@
-"""What the driver is given and what it gives back."""
+"""What the driver is given, beside the frames."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..contracts import BoundGrid, Grid, Interactions, Kernel
+from ..contracts import Grid, Interactions, Kernel
 from ..frame import Frame
-from .methods import Method, Refinement
+from .methods import Method
 from .work import Work
 
 
@@ -57,31 +57,3 @@ class Settings:
         """(n,) potential energies of the atoms in the reference frame."""
         assert self.pot is not None and self.reference is not None, "see `requirements`"
         return self.pot.stream(self.reference, None, threads=self.threads, energies=True, forces=False).energies_n
-
-
-@dataclass
-class FrameResult:
-    """The fields of one frame, or the mean fields of some, in the user's units; masked quantities hold 0 where `mask`
-    is False.
-
-    errors : of each field, what was found (see `accuracy.random_points.Check.errors`)
-    expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found
-        there
-    methods, refined : the methods used in the end; what was computed again, and why
-    common : of fields of parts, where there is mass of any part: what is relative to the velocity of all is known there
-    frames, within : of how many frames these are the means, and how far those are from them (mean square), by field
-    """
-
-    arrays: dict[str, np.ndarray]
-    mask: np.ndarray | None = None
-    weights: dict[str, np.ndarray] = field(default_factory=dict)
-    errors: dict[str, dict[str, float]] = field(default_factory=dict)
-    bound: BoundGrid | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-    notes: dict[str, int] = field(default_factory=dict)
-    methods: dict[str, Method] = field(default_factory=dict)
-    refined: list[Refinement] = field(default_factory=list)
-    expected: dict[str, float] = field(default_factory=dict)
-    frames: int = 1
-    within: dict[str, float] = field(default_factory=dict)
-    common: np.ndarray | None = None

@@ -16,7 +16,7 @@ from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.driver import fields_of
 from ..estimators.methods import DEPOSITS, Method, Refinement, details, summary
 from ..estimators.registry import QUANTITIES, hidden
-from ..estimators.settings import FrameResult
+from ..estimators.results import FrameResult
 from ..estimators.statistics import BlockAverage
 from ..grids.planes import through_planes
 from ..neighbors.verlet import anchor_of
