@@ -11,7 +11,7 @@
 ``quantities``   what each quantity needs and how it is formed, by kind: one entry each (``registry``: by name)
 ``summed``       what can be summed: one entry each
 ``work``         what is to be summed for some quantities, and nothing else
-``sources``      the values of a frame's atoms and bonds that are summed
+``sources``      the values of a frame's atoms and bonds that are summed (``reference``: relative to a reference frame)
 ``deposits``     the sums at one set of points, each by its own method
 ``sums``         the finished sums at the grid points and the algebra on them
 ``accuracy``     the error, measured on the spot; ``tightening``: when it is too large

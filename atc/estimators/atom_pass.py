@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from .deposits import Deposits
-from .kinematics import Displacement
 from .place import Place
+from .reference import Displacement
 from .shifts import local_shifts
 from .sources import AtomFactors, OfAll
 from .summed import GATHER, SITE, by_name

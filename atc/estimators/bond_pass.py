@@ -12,7 +12,8 @@ import numpy as np
 
 from .peridynamic import WeightedVirials
 from .place import Place
-from .sources import AtomSums, BondFactors, PerAtom, ReferenceBonds, piola_factor
+from .reference import ReferenceBonds, piola_factor
+from .sources import AtomSums, BondFactors, PerAtom
 from .summed import BOND, by_name
 from .sums import churn_nothing
 from .tile_cuts import Tile, owned

@@ -19,8 +19,9 @@ import numpy as np
 from ..deposit.crossings import Crossings
 from ..errors import AtcError
 from ..grids.planes import BY_FRAMES, by_frames
+from .reference import cells_moved, same_atoms
 from .results import FrameResult
-from .sources import AtomFactors, BondFactors, PerAtom, cells_moved, same_atoms
+from .sources import AtomFactors, BondFactors, PerAtom
 from .summed import BOND, SITE, by_name
 from .sums import Sums
 from .work import Work

@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from .kinematics import eshelby, quotient_gradient
 from .tensors import full, general, outer6, quotient
 
 #: A number density n − Σ m φ²/ρ below this share of n is that of an atom alone: it is known to 1e-13 of n or so.
@@ -260,6 +259,21 @@ def churn_nothing(bond: dict) -> None:
     for name, whole in (("stress", full), ("moment", general)):
         if name in bond:
             bond["sources"] = -whole(bond[name]).reshape(-1, 9)
+
+
+def quotient_gradient(weight_g, mean_gk, gradient_g1c, gradient_gkc) -> np.ndarray:
+    """(g, c, k) ∂_c of a mean Σ w a φ / Σ w φ, from its value and the sums with ∂φ/∂x; 0 where the weight is."""
+    top = np.swapaxes(gradient_gkc, 1, 2) - np.swapaxes(gradient_g1c, 1, 2) * mean_gk[:, None, :]
+    w = weight_g[:, None, None]
+    return np.divide(top, w, out=np.zeros_like(top), where=w > 0)
+
+
+def eshelby(energy_g, piola_gcc, displacement_gradient_gcc) -> np.ndarray:
+    """W I − P (Grad u)ᵀ with piola[i, k] and gradient[j, k] = ∂u_k/∂X_j: component [i, j], i the direction of the
+    divergence."""
+    out = -np.einsum("gik,gjk->gij", piola_gcc, displacement_gradient_gcc)
+    out[:, range(3), range(3)] += energy_g[:, None]
+    return out
 
 
 def curl(gradient_gcc) -> np.ndarray:
