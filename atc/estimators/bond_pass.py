@@ -60,22 +60,25 @@ class BondPass:
     notes: dict[str, int] = field(default_factory=dict)
     kept: dict | None = None
 
-    def point_sums(self, k: int, work: Work, churnless: bool) -> dict:
+    def point_sums(self, k: int, work: Work) -> dict:
         """What the sums on the grid (k = 0) or at the points of the check (1) get from the bonds; sums of several
         frames are not here."""
         t, bond = self.totals, {}
         if work.bond and t.bond[k] is not None:
-            bond |= named_bond_sums(work, t.bond[k][:, : work.n_bond], churnless)
+            bond |= named_bond_sums(work, t.bond[k][:, : work.n_bond])
         if work.reference_bond:
             bond |= by_name(work.reference_bond, BOND, t.reference_bond[k])
-        size = float(t.bond[1][:, -1].max(initial=0.0)) if work.sized else 0.0
-        return {"bond": bond, "point": t.point[k], "size": size}
+        return {"bond": bond, "point": t.point[k], "size": self.size(work)}
+
+    def size(self, work: Work) -> float:
+        """How large the terms of the stress are, at the points of the check."""
+        return float(self.totals.bond[1][:, -1].max(initial=0.0)) if work.sized else 0.0
 
 
-def named_bond_sums(work: Work, total_gk, churnless: bool) -> dict[str, np.ndarray]:
+def named_bond_sums(work: Work, total_gk) -> dict[str, np.ndarray]:
     """The columns of `work.bond`; of forces that churn nothing, without what approximate sums leave of it."""
     bond = by_name(work.bond, BOND, total_gk)
-    if churnless:
+    if work.churnless:
         churn_nothing(bond)
     return bond
 
@@ -195,8 +198,8 @@ class BondCollector:
                 self.deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, self.factors.of(bonds), thread=thread)
             if self.strongest is not None:
                 self.strongest.add(bonds, thread)
-            for found in self.check.find(x_nc, bonds.i, bonds.r_bc, thread) if self.check is not None else ():
-                self.check.add_found(found, self.factors.of(bonds.taken(found.bonds), self.work.sized), thread)
+            if self.check is not None:
+                self.factors.add_near(self.check, x_nc, bonds, thread, self.work.sized)
         if self.work.reference_bond:
             P_b9 = piola_factor(bonds, R_bc)
             self.reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)

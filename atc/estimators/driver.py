@@ -11,11 +11,10 @@ from dataclasses import replace
 from time import perf_counter
 
 from ..grids.planes import through_planes
-from . import planes
-from .chosen import chosen_of
 from .forming import form
 from .groups import POINTS, of_one_cell
 from .methods import DEPOSITS, NAMES
+from .planes import fields_on_planes
 from .requirements import require
 from .results import FrameResult, joined, of_parts, with_others
 from .runs import Run, sum_up
@@ -55,18 +54,14 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
     work = settings.work
     for frame in frames:
         require(frame, settings, work)
-    counted, names = None, settings.names
     if through_planes(settings.grid):
         # Nothing that is counted is to be tightened; fields on no grid are computed as ever.
         own, others = (tuple(q.name for q in work.quantities if (q.kind == "grid") == on) for on in (True, False))
-        chosen = chosen_of(frames[0], settings.selection, settings.bonds, settings.parts, settings.part)
-        counted = planes.of_frame(
-            frames[0], settings.grid, own, settings.pot, chosen, settings.threads, settings.anchor
-        )
+        counted = fields_on_planes(frames[0], replace(settings, names=own))
         if not others:
             return counted
-        settings = replace(settings, names=others, grid=None)
-        work = settings.work
+        rest = fields_of(frames, replace(settings, names=others, grid=None), index, run_tiles)
+        return with_others(counted, rest, settings.names)
     if work.bond_users:
         frames = [settings.pot.carriers(f) for f in frames]
     goal, start, several = SAFE * settings.tolerance, perf_counter(), len(frames) > 1
@@ -89,4 +84,4 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
         again = set(DEPOSITS) if several else set(tighter)
     result.methods, result.refined = methods, refined
     result.seconds["total"] = perf_counter() - start
-    return result if counted is None else with_others(counted, result, names)
+    return result

@@ -364,8 +364,7 @@ def finer_check(pot, frame, work, place, drift) -> np.ndarray | None:
     deposit = deposits.open(factors.width + size, length=max(pot.cutoff, 0.0))
 
     def consume(bonds, thread):
-        for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
-            deposit.add_found(found, factors.of(bonds.taken(found.bonds), size), thread)
+        factors.add_near(deposit, frame.positions, bonds, thread, size)
 
     pot.stream(frame, consume, threads=place.threads, sources=bool(work.source_users))
     return deposit.bond_sums()

@@ -9,12 +9,11 @@ from .accuracy.random_points import ZERO, extent_of, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, error_of
 from .atom_pass import atom_pass
 from .bond_pass import named_bond_sums
-from .groups import elements
 from .place import Place
 from .quantities.quantity import Quantity
 from .results import FrameResult, MeanFields
 from .runs import Run, RunBonds, RunSums
-from .tightening import SAFE, checkable
+from .tightening import SAFE
 
 
 def form(run: Run, sums: RunSums) -> FrameResult:
@@ -87,7 +86,7 @@ def place_of(q: Quantity, sums: RunSums) -> Place:
 def errors_around(run: Run, sums: RunSums, values, scales, extents, expected) -> dict[str, dict[str, float]]:
     """The errors that the strongest bonds make: of several frames alone, if those at random points leave room for them,
     or else all errors at the points around these bonds."""
-    bonds, quantities = sums.bonds, checkable(run.work)
+    bonds, quantities = sums.bonds, run.work.checkable
     if bonds.strong_g is None:
         return {}
     if run.several and all(q.rank == 2 for q in quantities):  # in the units of the bonds' own sum
@@ -122,11 +121,9 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
     points = PointsAround(run.frames[0], here, bonds.strongest.all, bonds.strong_g)
     if not len(points):
         return None
-    quantities = checkable(work)
+    quantities = work.checkable
     if run.several:
-        quantities = [
-            q for q in elements(work) if q in quantities or any(q.name in whole.parts for whole in quantities)
-        ]
+        quantities = [q for q in work.elements if q in quantities or any(q.name in whole.parts for whole in quantities)]
     means = MeanFields()
     for k, frame in enumerate(run.frames):
         bond_gk = points.bond_sums(
@@ -134,7 +131,7 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
         )
         if bonds.fields is not None:
             bond_gk = bond_gk + bonds.fields.at(k, points.which)
-        sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk, settings.churnless))
+        sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk))
         if work.site:
             sums = atom_pass(sums, frame, work, points.check.deposits, run.factors(k, bonds.each[k].per_atom))
         means.add(quantities, sums)

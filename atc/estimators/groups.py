@@ -40,7 +40,7 @@ def added_up(work: Work) -> frozenset[str]:
         return frozenset()
     if any(q.kind == "atom" for q in work.quantities):
         return frozenset()
-    uses = [(q.linear, {key for key in ("site", "bond") if getattr(q, key)}) for q in elements(work)]
+    uses = [(q.linear, {key for key in ("site", "bond") if getattr(q, key)}) for q in work.elements]
     found = set().union(*(keys for _, keys in uses))
     while True:
         spoilt = set().union(*(keys for linear, keys in uses if not (linear and keys <= found))) & found
@@ -50,15 +50,10 @@ def added_up(work: Work) -> frozenset[str]:
     return frozenset(found if "bond" in found or not work.bond else ())
 
 
-def elements(work: Work) -> list[Quantity]:
-    """The fields on the grid that others are sums of."""
-    return [q for q in work.quantities if q.kind == "grid" and not q.parts]
-
-
 def formed_once(work: Work) -> list[Quantity]:
     """Those that are formed once, from the mean sums."""
     together = added_up(work)
-    return [q for q in elements(work) if q.linear and {key for key in ("site", "bond") if getattr(q, key)} <= together]
+    return [q for q in work.elements if q.linear and {key for key in ("site", "bond") if getattr(q, key)} <= together]
 
 
 def of_one_cell(frames) -> list[list]:

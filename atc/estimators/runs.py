@@ -13,10 +13,9 @@ from .accuracy.random_points import kernel_internal
 from .accuracy.strongest_bonds import StrongestBonds, StrongestOfFrames, summed_exactly
 from .atom_pass import add_atoms, atom_pass, gather_pass, reference_gather_pass
 from .bond_pass import BondPass, BondTask, bond_pass, named_bond_sums, reference_bonds
-from .chosen import chosen_of
 from .deposits import SQUARES
 from .field_pass import FieldPass, atom_fields, finer_check, is_checked
-from .groups import added_up, elements, formed_once
+from .groups import added_up, formed_once
 from .methods import DEPOSITS
 from .peridynamic import horizon_of
 from .place import Place
@@ -26,7 +25,7 @@ from .settings import Settings
 from .sources import AtomFactors, drift_velocity
 from .summed import BOND, SITE, WHOLE, by_name
 from .sums import Sums
-from .tightening import clear_thin, thin_sums, watched
+from .tightening import thin_sums, watched
 from .work import Work
 
 #: How many times the precision of the sums may be left of a bond that was taken out of them again.
@@ -65,13 +64,13 @@ class Run:
     @classmethod
     def of(cls, frames, settings: Settings, work: Work, index: int = 0, goal: float = np.inf, run_tiles=None) -> Run:
         first, reference = frames[0], settings.reference
-        chosen = [chosen_of(f, settings.selection, settings.bonds, settings.parts, settings.part) for f in frames]
+        chosen = [settings.chosen(f) for f in frames]
         here, there = set(work.grid_users) - set(work.on_reference), work.on_reference
         if len(frames) == 1:
             once, each, together = work.quantities, [], frozenset()
         else:
             once, together = formed_once(work), added_up(work)
-            each = [q for q in elements(work) if q not in once]
+            each = [q for q in work.elements if q not in once]
         return cls(
             frames, settings, work, index, goal, run_tiles,
             kern=kernel_internal(settings.kern, first.units) if work.kernel_users else None,
@@ -193,6 +192,14 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
     together = here.grid.make("site", work.n_site, 0) if "site" in run.together and work.site else None
     exactly, fields, boxes = MeanFields(keep=True), MeanFields(), MeanFields(keep=True)
     mask, anywhere, thin, grid = None, None, set(), None
+
+    def complete(grid):
+        nonlocal mask, anywhere
+        thin.update(thin_sums(grid, work, methods))
+        if work.masked:
+            mask = grid.defined if mask is None else mask | grid.defined
+            anywhere = grid.anywhere if anywhere is None else anywhere | grid.anywhere
+
     for k, frame in enumerate(run.frames):
         factors = run.factors(k, bonds.each[k].per_atom)
         grid, check = frame_sums(run, k, bonds, here, reference, factors, again, before)
@@ -201,26 +208,16 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
             common = factors if k == 0 else run.factors(k, factors.per_atom, run.drifts[0])
             add_atoms(here.grid, together, frame, work.site, common)
         else:
-            clear_thin(grid, methods)
-            thin |= thin_sums(grid, work)
-            if work.masked:
-                mask = grid.defined if mask is None else mask | grid.defined
-                anywhere = grid.anywhere if anywhere is None else anywhere | grid.anywhere
+            complete(grid)
         boxes.add([q for q in work.quantities if run.several and q.kind == "box" and not q.parts], grid)
         fields.add(run.each, grid)
-        exactly.add(elements(work) if run.several else [q for q in work.quantities if q.kind == "grid"], check)
+        exactly.add(work.elements if run.several else [q for q in work.quantities if q.kind == "grid"], check)
     if run.several:
-        size = (
-            sum(one.point_sums(1, work, settings.churnless)["size"] / len(run.frames) for one in bonds.each)
-            if work.bond
-            else 0.0
-        )
+        size = sum(one.size(work) / len(run.frames) for one in bonds.each) if work.bond else 0.0
         grid, check = replace(run.no_sums(0), bond=bonds.grid, size=size), None
         if together is not None:
             grid.site.update(by_name(work.site, SITE, together.site_sums() / len(run.frames)))
-            clear_thin(grid, methods)
-            thin |= thin_sums(grid, work)
-            mask, anywhere = (grid.defined, grid.anywhere) if work.masked else (None, None)
+            complete(grid)
     old = before.seconds if before else {"bonds": 0.0, "sites": 0.0}
     seconds = {"bonds": old["bonds"] + bonds_done - start, "sites": old["sites"] + perf_counter() - bonds_done}
     return RunSums(here, reference, bonds, grid, check, exactly, fields, boxes, mask, anywhere, thin, seconds)
@@ -267,7 +264,7 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
         fields = fields or FieldPass(pot, run.frames, run.drifts, work.bond, here, settings.tolerance)
         total_gk = total_gk + fields.grid_gk
         each = [fields.added(k, one) for k, one in enumerate(each)]
-    mean = named_bond_sums(work, total_gk / len(run.frames), settings.churnless)
+    mean = named_bond_sums(work, total_gk / len(run.frames))
     return RunBonds(tuple(each), mean, strongest, strong_g, left, fields)
 
 
@@ -283,7 +280,7 @@ def frame_sums(
         return bool(needed) and (before is None or key in again)
 
     if work.bond_users:
-        both = [replace(sums, **one.point_sums(at, work, settings.churnless)) for at, sums in enumerate(both)]
+        both = [replace(sums, **one.point_sums(at, work)) for at, sums in enumerate(both)]
         if not run.several:
             both[0].bond.update(bonds.grid)
     both[0] = replace(both[0], whole={name: WHOLE[name].of(factors, one) for name in work.whole})

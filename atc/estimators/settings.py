@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ..contracts import Grid, Interactions, Kernel
 from ..frame import Frame
+from .chosen import Chosen
 from .methods import Method
 from .work import Work
 
@@ -31,9 +33,9 @@ class Settings:
     tiles: tuple[int, int, int] | None = None
     anchor: object = None  # see `atc.neighbors.verlet`
     # Of some atoms (`selections.Selection`), and taken apart (`selections.Parts`): see `chosen`.
-    selection: object = None
+    selection: Any = None
     bonds: str = "half"
-    parts: object = None
+    parts: Any = None
     part: int | None = None
     #: What thermal motion in temperature and kinetic stress is relative to: "local", the velocity at the point in the
     #: frame, as it is; "frame", the same, and corrected for what that velocity of few atoms takes of their motion;
@@ -47,10 +49,13 @@ class Settings:
         """What is to be summed."""
         return Work.on(self.grid, self.names, self.pot, self.part is not None, self.velocity)
 
-    @property
-    def churnless(self) -> bool:
-        """Whether stress and energy sources of every bond cancel."""
-        return self.pot is not None and self.pot.churnless
+    def chosen(self, frame) -> Chosen | None:
+        """Which atoms and bonds of a frame count; None: all."""
+        if self.selection is None and self.parts is None:
+            return None
+        whole = np.ones(len(frame), bool) if self.selection is None else self.selection.of(frame)
+        of_part = None if self.parts is None or self.part is None else self.parts.index_of(frame, whole) == self.part
+        return Chosen(whole, of_part, self.bonds)
 
     @cached_property
     def reference_energies_n(self) -> np.ndarray:

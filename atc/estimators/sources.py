@@ -196,3 +196,8 @@ class BondFactors:
             BOND[name].of(self, bonds, at, out)
             at += width
         return out
+
+    def add_near(self, deposit, x_nc, bonds, thread: int, size: bool = False) -> None:
+        """Into a deposit at a few points those of the bonds that are near one."""
+        for found in deposit.find(x_nc, bonds.i, bonds.r_bc, thread):
+            deposit.add_found(found, self.of(bonds.taken(found.bonds), size), thread)

@@ -423,8 +423,7 @@ class PointsAround:
 
         def consume(bonds, thread):
             bonds = bonds if chosen is None else chosen.taken(bonds)[1]
-            for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
-                deposit.add_found(found, factors.of(bonds.taken(found.bonds)), thread)
+            factors.add_near(deposit, frame.positions, bonds, thread)
 
         more = {"sources": True} if factors.sources else {}
         more |= {"kept": kept} if kept else {}
