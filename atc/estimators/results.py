@@ -12,6 +12,7 @@ from ..contracts import BoundGrid
 from .methods import Method, Refinement
 from .quantities.quantity import Quantity
 from .sums import Sums
+from .tensors import quotient
 
 
 @dataclass
@@ -77,9 +78,7 @@ class MeanFields:
             return self.first[name]
         if name not in self.weights:
             return self.sums[name] / self.n
-        w = self.weights[name]
-        x = self.sums[name]
-        return np.divide(x, _wide(w, x), out=np.zeros_like(x), where=_wide(w, x) > 0)
+        return quotient(self.sums[name], self.weights[name])
 
     def of(self, q: Quantity) -> np.ndarray:
         """The mean of a field that was added, or whose parts were."""
@@ -90,17 +89,8 @@ class MeanFields:
         names = q.parts or (q.name,)
         if names[0] in self.weights:
             mean, weight = self.mean(q.name), self.weight(q.name)
-            return float(
-                np.mean(
-                    [
-                        np.divide(
-                            x - _wide(w, x) * mean, _wide(weight, x), out=np.zeros_like(x), where=_wide(weight, x) > 0
-                        )
-                        ** 2
-                        for x, w in self.each[q.name]
-                    ]
-                )
-            )
+            deviations = (quotient(x - _wide(w, x) * mean, weight) for x, w in self.each[q.name])
+            return float(np.mean([d**2 for d in deviations]))
         mean = sum(self.mean(name) for name in names)
         return float(np.mean([(sum(self.each[name][k][0] for name in names) - mean) ** 2 for k in range(self.n)]))
 
@@ -149,7 +139,7 @@ def joined(results: list[FrameResult]) -> FrameResult:
         if name in first.weights:
             weights[name] = w = sum(r.frames * r.weights[name] for r in results) / n
             total = sum(r.frames * r.arrays[name] * _wide(r.weights[name], r.arrays[name]) for r in results) / n
-            arrays[name] = np.divide(total, _wide(w, total), out=np.zeros_like(total), where=_wide(w, total) > 0)
+            arrays[name] = quotient(total, w)
         else:
             arrays[name] = sum(r.frames * r.arrays[name] for r in results) / n
     for r in results:

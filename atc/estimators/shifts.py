@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .deposits import Deposits
-from .sums import Sums, kinetic_flux, kinetic_flux_about, thermal, within_thermal
-from .tensors import outer6, quotient
+from .sums import Sums
+from .tensors import kinetic_flux, kinetic_flux_about, outer6, quotient, thermal, within_thermal
 
 # Rounding error a point may have in T − ρ v⊗v, relative to its thermal part: far below the 1e-6 that is promised.
 _SHIFT_TOLERANCE = 1e-9
