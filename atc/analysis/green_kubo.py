@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
+from ..estimators.atom_pass import drift_velocity
 from ..estimators.cepstrum import zero_frequency
 from ..estimators.correlation import Plateau, mean_and_error, running_integral, segment_integrals
 from ..estimators.correlation import plateau as find_plateau
 from ..estimators.settings import Settings
-from ..estimators.sources import drift_velocity
 from ..pictures.drawing import save
 from ..readers.planar import matched
 from ..readers.times import Clock

@@ -6,14 +6,99 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..decomposers.constraints.virtual_sites import atoms_of, only_atoms
+from .bond_pass import PerAtom
 from .deposits import Deposits
+from .peridynamic import node_volumes
 from .place import Place
 from .reference import Displacement
 from .shifts import local_shifts
-from .sources import AtomFactors, OfAll
-from .summed import GATHER, SITE, by_name
+from .summed import ALL, GATHER, SITE, by_name
 from .sums import Sums
 from .work import Work
+
+
+def drift_velocity(frame, chosen_n=None) -> np.ndarray:
+    """(3,) mass-mean velocity of the frame, or of the chosen atoms.
+
+    Taken relative to one atom's velocity first, so that a drift large against the thermal velocity costs no digits of
+    the mean.
+    """
+    some = slice(None) if chosen_n is None or chosen_n.all() else chosen_n
+    m, v_nc = frame.masses[some], frame.velocities[some]
+    if not len(m):
+        return np.zeros(3)
+    v0 = v_nc[0]
+    total = m.sum()
+    return v0 + (m @ (v_nc - v0)) / total if total > 0 else v0.copy()
+
+
+class AtomFactors:
+    """The columns of the site sums, (n, width) each, made when asked for and kept; 0 for atoms that are not chosen (see
+    `chosen`)."""
+
+    def __init__(self, frame, drift, per_atom: PerAtom | None = None, pot=None, chosen=None):
+        self.frame, self.drift, self.per_atom, self.pot = frame, drift, per_atom or PerAtom(), pot
+        self.chosen = chosen
+        self._kept: dict[str, np.ndarray] = {}
+
+    @property
+    def atoms(self):
+        """The frame without virtual sites, which have energies and no numbers of their own."""
+        return atoms_of(self.frame)
+
+    @property
+    def peculiar_nc(self) -> np.ndarray:
+        """Velocities relative to the frame's drift."""
+        if "peculiar" not in self._kept:
+            self._kept["peculiar"] = self.frame.velocities - self.drift
+        return self._kept["peculiar"]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self._kept:
+            a_nk = SITE[name].of(self)
+            if len(a_nk) < len(self.frame):
+                a_nk = self.frame.padded(a_nk)
+            if self.chosen is not None:
+                of = self.chosen.chosen_n if name.startswith(ALL) else self.chosen.own_n
+                a_nk = np.where(of[:, None], a_nk, 0.0)
+            self._kept[name] = a_nk
+        return self._kept[name]
+
+    @property
+    def masses(self) -> np.ndarray:
+        """(n,) those of the chosen atoms, 0 for others."""
+        return self.frame.masses if self.chosen is None else np.where(self.chosen.own_n, self.frame.masses, 0.0)
+
+    @property
+    def some(self):
+        """The atoms that count at all, an index."""
+        if self.chosen is None or self.chosen.chosen_n.all():
+            return slice(None)
+        return np.flatnonzero(self.chosen.chosen_n)
+
+    @property
+    def volumes(self) -> np.ndarray:
+        """(n,) of the nodes of a body."""
+        return node_volumes(self.frame)
+
+    def only_atoms(self, a_nk) -> np.ndarray:
+        """The rows of the atoms themselves, with what their virtual sites have."""
+        return only_atoms(self.frame, a_nk)
+
+    def columns(self, names) -> np.ndarray:
+        """(n, k) the named factors side by side."""
+        return np.ascontiguousarray(np.concatenate([self[name] for name in names], axis=1))
+
+
+class OfAll:
+    """The factors of the atoms of all parts, where there are several."""
+
+    def __init__(self, factors: AtomFactors):
+        self.factors, self.peculiar_nc = factors, factors.peculiar_nc
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.factors[ALL + name]
 
 
 def atom_pass(

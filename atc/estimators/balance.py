@@ -27,7 +27,7 @@ import numpy as np
 from ..compiled import njit
 from ..decomposers.constraints.virtual_sites import seen_by
 from ..errors import AtcError
-from .sources import drift_velocity
+from .atom_pass import drift_velocity
 from .tensors import full, outer6, quotient
 
 LAWS = ("mass", "momentum", "energy", "churning")

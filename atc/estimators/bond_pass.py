@@ -13,11 +13,119 @@ import numpy as np
 from .peridynamic import WeightedVirials
 from .place import Place
 from .reference import ReferenceBonds, piola_factor
-from .sources import AtomSums, BondFactors, PerAtom
 from .summed import BOND, by_name
 from .sums import churn_nothing
 from .tile_cuts import Tile, owned
 from .work import Work
+
+
+class BondFactors:
+    """The factors of Σ b β for the bonds of a frame, side by side.
+
+    names : of `summed.BOND`
+    drift : what velocities in "power" are relative to
+    """
+
+    def __init__(self, names, frame, drift):
+        self.names, self.velocities = names, frame.velocities
+        self.widths = [BOND[name].width for name in names]
+        self.peculiar_nc = frame.velocities - drift if "power" in names else None
+
+    @property
+    def width(self) -> int:
+        return sum(self.widths)
+
+    @property
+    def sources(self) -> bool:
+        """Whether they are made of the bonds' energy sources."""
+        return any(BOND[name].sources for name in self.names)
+
+    def of(self, bonds, size: bool = False) -> np.ndarray:
+        """(b, k); |F| |r| too if `size`."""
+        out = np.empty((len(bonds), self.width + size))
+        if not len(bonds):  # which need not have sources either
+            return out
+        if size:
+            r2 = np.einsum("bc,bc->b", bonds.r_bc, bonds.r_bc)
+            F_bc = bonds.F_bc
+            out[:, -1] = np.abs(bonds.G_b) * r2 if F_bc is None else np.sqrt(r2 * np.einsum("bc,bc->b", F_bc, F_bc))
+        at = 0
+        for name, width in zip(self.names, self.widths):
+            BOND[name].of(self, bonds, at, out)
+            at += width
+        return out
+
+    def add_near(self, deposit, x_nc, bonds, thread: int, size: bool = False) -> None:
+        """Into a deposit at a few points those of the bonds that are near one."""
+        for found in deposit.find(x_nc, bonds.i, bonds.r_bc, thread):
+            deposit.add_found(found, self.of(bonds.taken(found.bonds), size), thread)
+
+
+@dataclass(frozen=True)
+class PerAtom:
+    """What the bonds leave for each atom, where somebody asks for it: its energy, the sums of `AtomSums`, the force on
+    it."""
+
+    energies_n: np.ndarray | None = None
+    virial_n6: np.ndarray | None = None
+    residual_n4: np.ndarray | None = None
+    moment_n9: np.ndarray | None = None
+    reference_moment_n9: np.ndarray | None = None
+    forces_nc: np.ndarray | None = None  # between atoms
+
+
+class AtomSums:
+    """Per-atom sums gathered while bonds stream by, one buffer a thread.
+
+    virial : (n, 6) ½ Σ G r⊗r, half of each bond to each end; energy, tension positive
+    residual : (n, 4) the force on each atom minus the force that follows from the energy sources, what ∇·z is made of;
+        and the size of the forces
+    moment, reference_moment : (n, 9) −½ Σ r⊗F, half of each bond to each end, r between current or reference positions
+    power : (3,) Σ (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r over all bonds, v in the frame of the simulation
+    """
+
+    def __init__(
+        self, frame, threads: int, virial=False, residual=False, power=False, moment=False, reference_moment=False
+    ):
+        n = len(frame)
+        self.velocities = frame.velocities
+        self._virial = [np.zeros((n, 6)) for _ in range(threads)] if virial else None
+        self._residual = [np.zeros((n, 4)) for _ in range(threads)] if residual else None
+        self._power = [np.zeros(3) for _ in range(threads)] if power else None
+        self._moment = [np.zeros((n, 9)) for _ in range(threads)] if moment else None
+        self._reference_moment = [np.zeros((n, 9)) for _ in range(threads)] if reference_moment else None
+
+    @property
+    def wanted(self) -> bool:
+        return any(x is not None for x in (self._virial, self._residual, self._power, self._moment))
+
+    def add(self, bonds, thread: int, R_bc=None) -> None:
+        from . import _numba
+
+        if self._moment is not None:
+            _numba.scatter_moment(bonds.i, bonds.j, bonds.r_bc, bonds.forces(), self._moment[thread])
+        if self._reference_moment is not None:
+            _numba.scatter_moment(bonds.i, bonds.j, R_bc, bonds.forces(), self._reference_moment[thread])
+
+        if self._virial is not None:
+            _numba.scatter_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self._virial[thread])
+        if self._residual is not None:
+            _numba.scatter_residual(bonds.i, bonds.j, bonds.forces(), bonds.D_bdc, self._residual[thread])
+        if self._power is not None:
+            _numba.add_power(
+                bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, bonds.powers(), self.velocities, self._power[thread]
+            )
+
+    virial_n6 = property(lambda self: _total(self._virial))
+    residual_n4 = property(lambda self: _total(self._residual))
+    power_c = property(lambda self: _total(self._power))
+    moment_n9 = property(lambda self: _total(self._moment))
+    reference_moment_n9 = property(lambda self: _total(self._reference_moment))
+
+
+def _total(buffers):
+    """The sum of the threads' buffers, in their order."""
+    return None if buffers is None else sum(buffers[1:], buffers[0])
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from ..decomposers.constraints.virtual_sites import seen_by
 from ..decomposers.long_range.stress import SINGLE
 from ..errors import AtcError
-from .sources import BondFactors
+from .bond_pass import BondFactors
 from .summed import BOND
 from .tensors import full
 

@@ -19,10 +19,11 @@ import numpy as np
 from ..deposit.crossings import Crossings
 from ..errors import AtcError
 from ..grids.planes import BY_FRAMES, by_frames
+from .atom_pass import AtomFactors
+from .bond_pass import BondFactors, PerAtom
 from .reference import cells_moved, same_atoms
 from .results import FrameResult
 from .settings import Settings
-from .sources import AtomFactors, BondFactors, PerAtom
 from .summed import BOND, SITE, by_name
 from .sums import Sums
 from .work import Work

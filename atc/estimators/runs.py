@@ -11,7 +11,7 @@ from ..decomposers.constraints.virtual_sites import atoms_of
 from . import tiles
 from .accuracy.random_points import kernel_internal
 from .accuracy.strongest_bonds import StrongestBonds, StrongestOfFrames, summed_exactly
-from .atom_pass import add_atoms, atom_pass, gather_pass, reference_gather_pass
+from .atom_pass import AtomFactors, add_atoms, atom_pass, drift_velocity, gather_pass, reference_gather_pass
 from .bond_pass import BondPass, BondTask, bond_pass, named_bond_sums, reference_bonds
 from .deposits import SQUARES
 from .field_pass import FieldPass, atom_fields, finer_check, is_checked
@@ -22,7 +22,6 @@ from .place import Place
 from .quantities.quantity import Quantity
 from .results import MeanFields
 from .settings import Settings
-from .sources import AtomFactors, drift_velocity
 from .summed import BOND, SITE, WHOLE, by_name
 from .sums import Sums
 from .tightening import thin_sums, watched

@@ -15,8 +15,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from ..errors import AtcError
-from .bond_pass import BondCollector, BondPass, BondTask, BondTotals
-from .sources import PerAtom
+from .bond_pass import BondCollector, BondPass, BondTask, BondTotals, PerAtom
 from .tile_cuts import Cut, Tile
 from .work import Work
 

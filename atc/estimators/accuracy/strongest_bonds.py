@@ -21,8 +21,8 @@ from ...deposit import make
 from ...errors import AtcError
 from ...frame import Cell
 from ...grids import BoundGrid
+from ..bond_pass import BondFactors
 from ..deposits import Deposits
-from ..sources import BondFactors
 from ..tensors import outer6
 from .random_points import Check
 
