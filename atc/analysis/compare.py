@@ -24,7 +24,7 @@ from ..pictures.comparison import compare_figure
 from ..pictures.components import component
 from ..pictures.drawing import kernel_title, require_frame, save
 from ..pictures.geometry import points_of_grid
-from ..running.output import load, of_species
+from ..running.opening import load, of_species
 from ..terminal import tell
 from ..units.words import NotAUnit, in_units, unit_of
 

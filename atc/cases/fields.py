@@ -13,7 +13,7 @@ from ..config.scene import Scene
 from ..errors import AtcError
 from ..pd.fields import reference_frame, snapshot
 from ..planning.request import Request
-from ..running.output import Store
+from ..running.store import Store
 
 SECTIONS = ("kernel", "grid", "fields")
 

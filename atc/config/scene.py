@@ -568,7 +568,7 @@ class Scene(Document):
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
         """The file to write: `given`, else the scene's ``[output] file``. Whether it can be written is found out here,
         before anything is computed; with `resume` it may be that of a run which only has to clear away."""
-        from ..running.output import require_place
+        from ..running.store import require_place
 
         path, where = self.result(given)
         require_place(path, where, overwrite, resume)
@@ -644,7 +644,7 @@ class Scene(Document):
             from .. import fields
 
             return fields(**self.arguments(jobs), cluster=cluster, progress=progress, scene=self.to_toml())
-        from ..running.output import open_dataset
+        from ..running.opening import open_dataset
 
         self.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=resume)
         return open_dataset(out)

@@ -31,8 +31,10 @@ from ..terminal import progress_of
 from .as_scene import file_name
 from .dataset import asymmetry, follows_cell, grid_moves, in_output_units, moving_coordinates, output_layout
 from .interruption import whole
-from .output import Store, dataset_in_memory, explained, open_dataset
+from .opening import open_dataset
+from .output import dataset_in_memory, explained
 from .parallel import frame_results, here
+from .store import Store
 from .thermal import finish_thermal
 from .whole import write_dataset
 

@@ -18,7 +18,7 @@ import atc
 from atc.errors import AtcError, AtcWarning
 from atc.plan import Request, prepare
 from atc.running import run
-from atc.running.output import open_dataset
+from atc.running.opening import open_dataset
 
 KERN = atc.kernel("quartic", radius=5.5)
 GRID = atc.Grid.regular(shape=(3, 4, 3))
@@ -264,7 +264,7 @@ def test_bad_input_leaves_nothing_behind(tmp_path):
 def test_no_space_says_so(tmp_path, monkeypatch):
     import errno
 
-    from atc.running.output import Store
+    from atc.running.store import Store
 
     def write(store, *_):
         from atc.running.output import explained

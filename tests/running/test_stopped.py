@@ -21,7 +21,7 @@ from test_case import PLATE
 from test_cli import SCENE, atc, finished_frames, ok, tree, write_dump
 
 from atc.config.scene import Scene
-from atc.running.output import published
+from atc.running.store import published
 
 ROOT = Path(__file__).parents[2]
 FRAMES, FEW = 40, 10
