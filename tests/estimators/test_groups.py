@@ -21,7 +21,7 @@ from atc.frame import Cell
 from atc.plan import Request, plan, prepare
 from atc.planning import calibrate, method_choice
 from atc.planning.costs import Costs
-from atc.running import run
+from atc.running import collecting, run
 
 KERN = atc.kernel("quartic", radius=5.5)
 GRID = atc.Grid.regular(shape=(5, 4, 6))
@@ -295,7 +295,7 @@ def trajectory(n):
 @pytest.mark.parametrize("average, stop", [(True, 4), (True, 8), (6, 4), (6, 6), (6, 14)])
 def test_interrupted_averages_continue_bit_for_bit(tmp_path, average, stop, monkeypatch):
     """Stopped between groups of a window: what was done is not computed again."""
-    monkeypatch.setattr(run, "_SAVE_EVERY", 0.0)
+    monkeypatch.setattr(collecting, "_SAVE_EVERY", 0.0)
     monkeypatch.setattr(groups, "size_of", lambda window, atoms: 4 if window >= 4 else 1)
     arguments = (trajectory(15), BruteLJ(), KERN, GRID, ["stress", "velocity"], 1e-6)
     out = tmp_path / "o.zarr"
