@@ -11,7 +11,7 @@ from .atom_pass import atom_pass
 from .bond_pass import named_bond_sums
 from .place import Place
 from .quantities.quantity import Quantity
-from .results import FrameResult, MeanFields
+from .results import FrameResult, MeanFields, count
 from .runs import Run, RunBonds, RunSums
 from .tightening import SAFE
 
@@ -58,8 +58,7 @@ def form(run: Run, sums: RunSums) -> FrameResult:
                 w = sums.grid.site[q.weight][:, 0] if q in run.once else sums.fields.weight(q.name)
                 weights[q.name] = w.reshape(shape)
     for one in sums.bonds.each:
-        for what, count in one.notes.items():
-            notes[what] = notes.get(what, 0) + count
+        count(notes, one.notes)
     place = sums.here or sums.reference
     return FrameResult(
         arrays,

@@ -43,6 +43,20 @@ class FrameResult:
     common: np.ndarray | None = None
 
 
+def take_largest(known: dict, errors) -> None:
+    """Errors by field and kind into others, the largest of each; what is no number stays seen."""
+    for name, found in errors.items():
+        at = known.setdefault(name, {})
+        for kind, value in found.items():
+            at[kind] = float(np.maximum(value, at.get(kind, 0.0)))
+
+
+def count(known: dict, notes) -> None:
+    """What is counted into other counts."""
+    for what, more in notes.items():
+        known[what] = known.get(what, 0) + more
+
+
 class MeanFields:
     """The mean of fields that come one by one, of those with weights <w x>/<w>; of a single frame the field itself."""
 
@@ -110,10 +124,7 @@ def of_parts(results: list[FrameResult]) -> FrameResult:
                 methods[key] = method
     errors: dict = {}
     for r in results:
-        for name, found in r.errors.items():
-            known = errors.setdefault(name, {})
-            for key, value in found.items():
-                known[key] = max(value, known.get(key, 0.0))
+        take_largest(errors, r.errors)
     return replace(
         first,
         arrays={name: np.stack([r.arrays[name] for r in results]) for name in first.arrays},
@@ -134,7 +145,9 @@ def joined(results: list[FrameResult]) -> FrameResult:
     """The mean of means."""
     n = sum(r.frames for r in results)
     first = results[0]
-    arrays, weights, errors = {}, {}, {}
+    arrays, weights = {}, {}
+    errors: dict = {}
+    notes: dict = {}
     for name in first.arrays:
         if name in first.weights:
             weights[name] = w = sum(r.frames * r.weights[name] for r in results) / n
@@ -143,14 +156,8 @@ def joined(results: list[FrameResult]) -> FrameResult:
         else:
             arrays[name] = sum(r.frames * r.arrays[name] for r in results) / n
     for r in results:
-        for name, found in r.errors.items():
-            errors[name] = {key: max(value, errors.get(name, {}).get(key, 0.0)) for key, value in found.items()} | {
-                key: value for key, value in errors.get(name, {}).items() if key not in found
-            }
-    notes = {
-        what: sum(r.notes.get(what, 0) for r in results)
-        for what in dict.fromkeys(what for r in results for what in r.notes)
-    }
+        take_largest(errors, r.errors)
+        count(notes, r.notes)
     return replace(
         first,
         arrays=arrays,

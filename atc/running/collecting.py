@@ -4,6 +4,7 @@ a store; what there is to note goes along.
 
 from __future__ import annotations
 
+import copy
 import json
 import time
 import warnings
@@ -17,7 +18,7 @@ from ..errors import AtcError, AtcWarning
 from ..estimators.accuracy.random_points import tolerance_kept
 from ..estimators.methods import Refinement, details
 from ..estimators.registry import QUANTITIES, hidden
-from ..estimators.results import FrameResult
+from ..estimators.results import FrameResult, count, take_largest
 from ..estimators.statistics import BlockAverage
 from ..planning.identity import changed_parts, frame_digest
 from ..planning.job import Job
@@ -83,6 +84,14 @@ class Sink:
                     f"{changed_parts(then, now)}), and {out} holds an unfinished run with it: "
                     "compute that trajectory under another name, delete the directory, or start again without resuming"
                 )
+
+    def copied(self, job: Job) -> Sink:
+        """One for `job` that goes on from here, and leaves this one as it is."""
+        new = copy.copy(self)
+        new.job, new.entries, new.notes = job, list(self.entries), list(self.notes)
+        new.averages, new.any_weight = copy.deepcopy(self.averages), dict(self.any_weight)
+        new.sequence, new.note = copy.deepcopy(self.sequence), copy.deepcopy(self.note)
+        return new
 
     @property
     def averaging(self) -> bool:
@@ -168,20 +177,14 @@ class Sink:
     # --- what goes along
     def _merge_note(self, k, frame, result, more=()):
         """Errors are the largest of the frames; the rest is counted."""
-        errors = self.note.setdefault("errors", {})
-        for name, measured in result.errors.items():
-            if hidden(name):
-                continue
-            known = errors.setdefault(name, {})
-            for kind, value in measured.items():
-                known[kind] = max(known.get(kind, 0.0), value)
-        counts = self.note.setdefault("notes", {})
-        worst = self.note.setdefault("worst", {})
-        for what, count in result.notes.items():
-            if isinstance(count, Worst):
-                worst[what] = float(count + worst.get(what, 0.0))
+        seen = {name: measured for name, measured in result.errors.items() if not hidden(name)}
+        take_largest(self.note.setdefault("errors", {}), seen)
+        counts, worst = self.note.setdefault("notes", {}), self.note.setdefault("worst", {})
+        for what, n in result.notes.items():
+            if isinstance(n, Worst):
+                worst[what] = float(n + worst.get(what, 0.0))
             else:
-                counts[what] = counts.get(what, 0) + count
+                counts[what] = counts.get(what, 0) + n
         for what in result.refined:
             self.note.setdefault("refined", []).extend([j, what.plain()] for j in range(k, k + result.frames))
             if not self._said_refined:
@@ -241,19 +244,16 @@ class Sink:
     def final_attributes(self) -> dict:
         """Attributes only known at the end, by variable; "" for the dataset."""
         out: dict = {}
-        worst = 0.0
         for note in self.notes:
-            for name, measured in note["errors"].items():
-                at = out.setdefault(name, {})
-                for kind, value in measured.items():
-                    at[kind] = max(at.get(kind, 0.0), value)
-                at["measured_error"] = at.get("error_max", 0.0)
-                kept = tolerance_kept(at, self.job.request.tolerance)
-                if kept is not None:
-                    at["tolerance_kept"] = kept
-                if at.pop("error_of_terms", 0.0):
-                    at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
-                worst = max(worst, at["measured_error"])
+            take_largest(out, note["errors"])
+        for at in out.values():
+            at["measured_error"] = at.get("error_max", 0.0)
+            kept = tolerance_kept(at, self.job.request.tolerance)
+            if kept is not None:
+                at["tolerance_kept"] = kept
+            if at.pop("error_of_terms", 0.0):
+                at["error_relative_to"] = "sum of the sizes of the terms: the field is 0 within rounding"
+        worst = max((at["measured_error"] for at in out.values()), default=0.0)
         out[""] = {"sources": ", ".join(dict.fromkeys(s for note in self.notes for s in note["sources"]))}
         if self.agreement:
             out[""]["agrees_with_run"] = self.agreement
@@ -271,15 +271,14 @@ class Sink:
             out[""]["method"], out[""]["method_details"] = self.job.method_used, details(self.job.methods)
         counts: dict = {}
         for note in self.notes:
-            for what, count in note["notes"].items():
-                counts[what] = counts.get(what, 0) + count
+            count(counts, note["notes"])
             for what, value in note.get("worst", {}).items():
                 out[""][what] = float(Worst(value) + out[""].get(what, 0.0))
             for name, value in note.get("asymmetry", {}).items():
                 at = out.setdefault(name, {})
                 at["asymmetry"] = float(Worst(value) + at.get("asymmetry", 0.0))
         if counts:
-            out[""]["notes"] = "; ".join(f"{what}: {count}" for what, count in sorted(counts.items()))
+            out[""]["notes"] = "; ".join(f"{what}: {n}" for what, n in sorted(counts.items()))
         if self.job.work.grid_users:
             out[""]["measured_error"] = worst
             missed = {name: at["tolerance_kept"] for name, at in out.items() if "tolerance_kept" in at}

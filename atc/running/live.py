@@ -319,10 +319,8 @@ class Live:
         if out._sink is None:
             out._job = copy.copy(self._job)
             out._ready()
-        job, sink = copy.copy(out._job), copy.copy(out._sink)
-        sink.averages, sink.sequence = copy.deepcopy(sink.averages), copy.deepcopy(sink.sequence)
-        sink.entries, sink.notes, sink.note = list(sink.entries), list(sink.notes), copy.deepcopy(sink.note)
-        sink.job, out._job, out._sink = job, job, sink
+        out._job = job = copy.copy(out._job)
+        out._sink = sink = out._sink.copied(job)
         out._buffer, out._following = list(self._buffer), copy.copy(self._following)
         while out._buffer:
             out._flush()

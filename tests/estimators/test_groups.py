@@ -260,7 +260,7 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     for _, result in done[:2]:
         assert 0.1 * true <= result.errors["stress_potential"]["error_max"] <= max(3 * true, 1e-3)
     # without them the error is the pair's
-    monkeypatch.setattr(driver, "summed_exactly", lambda *a: np.zeros((1000, 6)))
+    monkeypatch.setattr(runs, "summed_exactly", lambda *a: np.zeros((1000, 6)))
     run = runs.Run.of(frames, settings, request.work)
     result = forming.form(run, runs.sum_up(run, spectral))
     assert np.abs(result.arrays["stress_potential"] - exact).max() / np.abs(exact).max() > 5 * true
