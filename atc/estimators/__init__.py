@@ -15,5 +15,6 @@
 ``reference``    displacements and bonds relative to a reference frame
 ``deposits``     the sums at one set of points, each by its own method
 ``sums``         the finished sums at the grid points (``tensors``: the algebra on them)
+``balance``      residuals of the balance laws
 ``accuracy``     the error, measured on the spot; ``tightening``: when it is too large
 """
