@@ -33,7 +33,7 @@ def fields_of(frames, settings: Settings, index: int = 0, run_tiles=None) -> Fra
     index : int
         Number of the first frame: the random points of the error check depend on nothing else.
     run_tiles : callable
-        With `settings.tiles`: how tiles are computed (see `tiles.bond_pass`). Default: one after the other, here.
+        With `settings.tiles`: how tiles are computed (see `tiles.tiled_bond_pass`). Default: one after the other, here.
 
     Returns
     -------

@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 
 from ..decomposers.constraints.virtual_sites import atoms_of
-from . import tiles
 from .accuracy.random_points import kernel_internal
 from .accuracy.strongest_bonds import StrongestBonds, StrongestOfFrames, summed_exactly
 from .atom_pass import AtomFactors, add_atoms, atom_pass, drift_velocity, gather_pass, reference_gather_pass
@@ -25,6 +24,7 @@ from .settings import Settings
 from .summed import BOND, SITE, WHOLE, by_name
 from .sums import Sums
 from .tightening import thin_sums, watched
+from .tiles import tiled_bond_pass
 from .work import Work
 
 #: How many times the precision of the sums may be left of a bond that was taken out of them again.
@@ -246,7 +246,7 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
                 one = replace(one, totals=replace(one.totals, bond=(one.totals.bond[0], check_gk)))
         else:
             more = {} if run.run_tiles is None else {"run": run.run_tiles}
-            one = tiles.bond_pass(frame, task, to_reference, settings.tiles, **more)
+            one = tiled_bond_pass(frame, task, to_reference, settings.tiles, **more)
         each.append(atom_fields(pot, frame, work, one, tiled=not whole))
     if seek:
         strongest = StrongestOfFrames(run.frames, found, work.bond, run.drifts)

@@ -24,7 +24,7 @@ class Sums:
     The velocity-dependent site sums are taken with v' = v − drift, drift the mass-mean velocity of the frame: T − ρ
     v⊗v, a small difference of large numbers in a drifting frame, does not change under that shift, nor does the kinetic
     part of the heat flux. `thermal_shifted` and `kinetic_flux_shifted`, when set, were computed with further local
-    shifts where one drift was not enough (see shifts.local_shifts).
+    shifts where one drift was not enough (see atom_pass.local_shifts).
     """
 
     site: dict[str, np.ndarray] = field(default_factory=dict)

@@ -172,30 +172,10 @@ def fields(
             write_dataset(ds, out)
         return ds
     request = Request(
-        traj,
-        pot,
-        kern,
-        grid,
-        quantities,
-        tolerance,
-        method,
-        reference,
-        average,
-        threads,
-        workers,
-        scene,
-        horizon,
-        cluster,
-        tiles,
-        forces=forces,
-        log=log,
-        column_units=column_units,
-        select=select,
-        by=by,
-        bonds=bonds,
-        velocity=velocity,
-        output_units=output_units,
-    )
+        traj, pot, kern, grid, quantities, tolerance, method, reference, average, threads, workers, scene, horizon,
+        cluster, tiles, forces=forces, log=log, column_units=column_units, select=select, by=by, bonds=bonds,
+        velocity=velocity, output_units=output_units,
+    )  # fmt: skip
     if out is None:
         job = prepare(request)
         sanity(job)
