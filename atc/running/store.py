@@ -22,6 +22,7 @@ from ..errors import AtcError
 from ..planning.identity import differences
 from .output import Layout, check_name, clean, every_chunk, explained
 from .sealed import reserve, seal
+from .whole import renamed
 
 
 class Store:
@@ -94,9 +95,8 @@ class Store:
                 (self.partial / "state.npz").unlink(missing_ok=True)
 
     def _write_journal(self) -> None:
-        temporary = self.partial / "journal.tmp"
-        temporary.write_text("".join(map(_line, self.journal)))
-        os.replace(temporary, self.partial / "journal.jsonl")
+        with renamed(self.partial / "journal.jsonl") as part:
+            part.write_text("".join(map(_line, self.journal)))
 
     # --- while running
     @property
@@ -170,10 +170,8 @@ class Store:
 
     def save_state(self, arrays: dict) -> None:
         """Keep what an unfinished time average needs to go on."""
-        with explained(self.out, self.partial):
-            temporary = self.partial / "state.tmp.npz"
-            np.savez(temporary, **arrays)
-            os.replace(temporary, self.partial / "state.npz")
+        with explained(self.out, self.partial), renamed(self.partial / "state.npz") as part:
+            np.savez(part, **arrays)
 
     def load_state(self) -> dict | None:
         """What `save_state` kept, if the run was stopped within an average."""
@@ -347,9 +345,8 @@ class Store:
             return None
 
     def _write_json(self, name, value) -> None:
-        temporary = self.partial / (name + ".tmp")
-        temporary.write_text(json.dumps(value, indent=1, sort_keys=True))
-        os.replace(temporary, self.partial / name)
+        with renamed(self.partial / name) as part:
+            part.write_text(json.dumps(value, indent=1, sort_keys=True))
 
 
 def _checksum(value) -> str:
