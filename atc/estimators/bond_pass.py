@@ -60,6 +60,18 @@ class BondFactors:
         for found in deposit.find(x_nc, bonds.i, bonds.r_bc, thread):
             deposit.add_found(found, self.of(bonds.taken(found.bonds), size), thread)
 
+    def sums_near(self, deposits, pot, frame, threads: int, chosen=None, size: bool = False, **more) -> np.ndarray:
+        """(h, k) at a few points the sums over the bonds of `pot` that count. more : see `Potential.stream`"""
+        deposits.place(frame.positions)
+        deposit = deposits.open(self.width + size, length=max(pot.cutoff, 0.0))
+
+        def consume(bonds, thread):
+            bonds = bonds if chosen is None else chosen.taken(bonds)[1]
+            self.add_near(deposit, frame.positions, bonds, thread, size)
+
+        pot.stream(frame, consume, threads=threads, **more)
+        return deposit.bond_sums()
+
 
 @dataclass(frozen=True)
 class PerAtom:

@@ -359,15 +359,8 @@ def finer_check(pot, frame, work, place, drift) -> np.ndarray | None:
     pot = finer(pot)
     if pot is None:
         return None
-    factors, size, deposits = BondFactors(work.bond, frame, drift), work.sized, place.check.deposits
-    deposits.place(frame.positions)
-    deposit = deposits.open(factors.width + size, length=max(pot.cutoff, 0.0))
-
-    def consume(bonds, thread):
-        factors.add_near(deposit, frame.positions, bonds, thread, size)
-
-    pot.stream(frame, consume, threads=place.threads, sources=bool(work.source_users))
-    return deposit.bond_sums()
+    factors, more = BondFactors(work.bond, frame, drift), {"sources": bool(work.source_users)}
+    return factors.sums_near(place.check.deposits, pot, frame, place.threads, size=work.sized, **more)
 
 
 def atom_fields(pot, frame, work, bonds, tiled: bool = False):

@@ -51,9 +51,12 @@ class Place:
 
     @cached_property
     def check(self) -> Check:
-        return Check(
-            self.bound, self.kern, self.cell, self.threads, self.index, self.check_points, summed=self.check_kern
-        )
+        return self.checked_at(None)
+
+    def checked_at(self, which) -> Check:
+        """The check at some points of the grid; None: at random ones."""
+        count, kern = self.check_points, self.check_kern
+        return Check(self.bound, self.kern, self.cell, self.threads, self.index, count, which, kern)
 
     @property
     def both(self) -> tuple:

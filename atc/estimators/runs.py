@@ -24,7 +24,7 @@ from .settings import Settings
 from .summed import BOND, SITE, WHOLE, by_name
 from .sums import Sums
 from .tightening import thin_sums, watched
-from .tiles import tiled_bond_pass
+from .tiles import here_in_turn, tiled_bond_pass
 from .work import Work
 
 #: How many times the precision of the sums may be left of a bond that was taken out of them again.
@@ -245,8 +245,7 @@ def sum_bonds(run: Run, here: Place | None, reference: Place | None, before: Run
                 check_gk = finer_check(streamed, frame, work, here, drift)
                 one = replace(one, totals=replace(one.totals, bond=(one.totals.bond[0], check_gk)))
         else:
-            more = {} if run.run_tiles is None else {"run": run.run_tiles}
-            one = tiled_bond_pass(frame, task, to_reference, settings.tiles, **more)
+            one = tiled_bond_pass(frame, task, to_reference, settings.tiles, run.run_tiles or here_in_turn)
         each.append(atom_fields(pot, frame, work, one, tiled=not whole))
     if seek:
         strongest = StrongestOfFrames(run.frames, found, work.bond, run.drifts)

@@ -61,7 +61,7 @@ def here_in_turn(f: Callable[[Tile, BondTask], TileShare], tiles: Iterable[Tile]
     return (f(tile, task) for tile in tiles)
 
 
-def tiled_bond_pass(frame, task: BondTask, to_reference, counts, run=here_in_turn) -> BondPass:
+def tiled_bond_pass(frame, task: BondTask, to_reference, counts, run) -> BondPass:
     """Like the pass over the bonds of a whole frame (`bond_pass.bond_pass`), tile by tile.
 
     counts : tiles along the cell's edges

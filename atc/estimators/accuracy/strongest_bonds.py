@@ -24,7 +24,6 @@ from ...grids import BoundGrid
 from ..bond_pass import BondFactors
 from ..deposits import Deposits
 from ..tensors import outer6
-from .random_points import Check
 
 #: Of the strongest bonds as many are summed exactly, one for so many atoms.
 EXACTLY, ATOMS_EACH = 1024, 32
@@ -384,16 +383,7 @@ class PointsAround:
         self.which, self.xyz, self.places = placed(
             place.bound, candidates, FELT + POINTS, strongest.centres(frame.cell), 1.5 * place.kern.radius
         )
-        self.check = Check(
-            place.bound,
-            place.kern,
-            frame.cell,
-            place.threads,
-            place.index,
-            0,
-            which=self.which,
-            summed=place.check_kern,
-        )
+        self.check = place.checked_at(self.which)
         self.check.deposits.place(frame.positions)
 
     def __len__(self):
@@ -417,19 +407,10 @@ class PointsAround:
             )
         elif anchor is not None:
             context = anchor.at(frame)
-        deposits.place(frame.positions)
         factors = BondFactors(work.bond, frame, drift)
-        deposit = deposits.open(factors.width, length=max(pot.cutoff, 0.0))
-
-        def consume(bonds, thread):
-            bonds = bonds if chosen is None else chosen.taken(bonds)[1]
-            factors.add_near(deposit, frame.positions, bonds, thread)
-
-        more = {"sources": True} if factors.sources else {}
-        more |= {"kept": kept} if kept else {}
+        more = ({"sources": True} if factors.sources else {}) | ({"kept": kept} if kept else {})
         with context:
-            pot.stream(frame, consume, threads=threads, energies=False, forces=False, **more)
-        return deposit.bond_sums()
+            return factors.sums_near(deposits, pot, frame, threads, chosen, energies=False, forces=False, **more)
 
     def _cluster(self, frame, pot, reach):
         """The atoms that matter as an open frame, and which they are; None where all of them must be asked."""
