@@ -27,7 +27,7 @@ _LAZY = {
     "Live": "atc.running.live",
     "Scene": "atc.config.scene",
     "select": "atc.estimators.selections",
-    "open_dataset": "atc.running.output",
+    "open_dataset": "atc.running.opening",
     "compare": "atc.analysis.compare",
     "compare_with_lammps": "atc.analysis.against_lammps",
     "report": "atc.analysis.page",

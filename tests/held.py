@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from atc.running import interruption
-from atc.running.output import Store
+from atc.running.store import Store
 
 
 def hold_after(entries: int, out: Path) -> None:

@@ -139,7 +139,7 @@ def test_fields_of_a_peridynamic_case(tmp_path, monkeypatch):
     from typer.testing import CliRunner
 
     from atc.cli import app
-    from atc.running.output import load
+    from atc.running.opening import load
 
     monkeypatch.chdir(tmp_path)
     case = (

@@ -12,7 +12,7 @@ from ..pictures.components import TENSOR, TENSOR_SCALARS, VECTOR, component
 from ..pictures.drawing import require_frame, save
 from ..pictures.geometry import fields_of, points_of_grid, rank
 from ..pictures.profiles import profiles_figure
-from ..running.output import load
+from ..running.opening import load
 from .compare import sizes
 from .comparison import Comparison
 

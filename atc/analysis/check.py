@@ -15,8 +15,8 @@ import numpy as np
 from ..decomposers.long_range.kspace import converged
 from ..errors import AtcError
 from ..estimators import balance as law
-from ..estimators.accuracy import balance_limits as limits
 from ..estimators.accuracy.random_points import kernel_internal
+from ..estimators.balance import limits
 from ..grids.padding import resolved
 from ..readers.memory import completed
 from ..readers.planar import matched

@@ -19,7 +19,7 @@ from ..errors import AtcError
 from ..pictures.components import component
 from ..pictures.drawing import kernel_title, require_frame
 from ..pictures.geometry import points_of_grid
-from ..running.output import load, of_species
+from ..running.opening import load, of_species
 from ..units.words import NotAUnit, in_units, unit_of
 from .comparison import POINTWISE, RELATIVE, SIX, Comparison, plain, side_by_side
 

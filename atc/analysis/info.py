@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..readers.plausible import doubts, stress_error
-from ..running.output import Damaged, damage, load, open_dataset
+from ..running.opening import Damaged, damage, load, open_dataset
 from ..terminal import tell
 
 _WORTH_A_WARNING = 1e-3

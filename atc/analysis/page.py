@@ -19,7 +19,7 @@ from ..pictures.drawing import figure, label_of
 from ..pictures.geometry import fields_of, points_of_grid, rank, unit_text
 from ..pictures.plotting import plot
 from ..pictures.symbols import symbol
-from ..running.output import load, of_species
+from ..running.opening import load, of_species
 from ..running.whole import replacing
 from ..units.words import in_units
 from .compare import ACCURACY, compare

@@ -13,7 +13,7 @@ from ..config.scene import Scene
 from ..errors import AtcError
 from ..pd.fields import reference_frame, snapshot
 from ..planning.request import Request
-from ..running.output import Store
+from ..running.store import Store
 
 SECTIONS = ("kernel", "grid", "fields")
 
@@ -58,7 +58,7 @@ class CaseFields:
     def prepare(self, sim, entries: int, done: int) -> None:
         """Be ready for `entries` moments, the first `done` of which are those of an interrupted run."""
         from ..planning.job import cpus, prepare
-        from ..running.run import _Sink
+        from ..running.collecting import Sink
 
         scene = self.scene
         frame, bonds = snapshot(sim)
@@ -85,7 +85,7 @@ class CaseFields:
             raise AtcError(
                 str(e) if self.case.name in str(e) else f"{self.case.where('fields')}: [fields] {e}"
             ) from None
-        self.sink = _Sink(self.job, self.store)
+        self.sink = Sink(self.job, self.store)
         if self.store.done < done:
             raise AtcError(
                 f"{self.path}: {done} entries of the interrupted run are there, but only {self.store.done} of its "

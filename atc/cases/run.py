@@ -22,7 +22,9 @@ from ..pd.state import State
 from ..pd.statics import relax, solve_static
 from ..planning.identity import RESULTS
 from ..running.interruption import asked, whole
-from ..running.output import Layout, Store, Variable, explained, open_dataset
+from ..running.opening import open_dataset
+from ..running.output import Layout, Variable, explained
+from ..running.store import Store
 from ..running.whole import renamed
 from ..units import units
 from .fields import CaseFields

@@ -109,7 +109,7 @@ class _Commands(TyperGroup):
 def _fail_damaged() -> None:
     """Say so if one of the outputs that this command was reading is no longer what was written."""
     for path in _outputs_opened():
-        from ..running.output import damage
+        from ..running.opening import damage
 
         why = damage(path)
         if why:
@@ -118,8 +118,8 @@ def _fail_damaged() -> None:
 
 def _outputs_opened() -> list:
     """The outputs that this command has opened, without importing what opens them."""
-    output = sys.modules.get("atc.running.output")
-    return output.opened if output else []
+    opening = sys.modules.get("atc.running.opening")
+    return opening.opened if opening else []
 
 
 def _stopped() -> None:

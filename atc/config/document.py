@@ -202,7 +202,7 @@ class Document:
     def output(self, given=None, overwrite: bool = False, resume: bool = False) -> Path:
         """The file to write: `given`, else ``[output] file``. Whether it can be written is found out here, before
         anything is computed; with `resume` it may be that of a run which only has to clear away."""
-        from ..running.output import require_place
+        from ..running.store import require_place
 
         path, where = self.result(given)
         require_place(path, where, overwrite, resume)

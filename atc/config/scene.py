@@ -197,7 +197,7 @@ class Scene(Document):
             from .. import fields
 
             return fields(**self.arguments(jobs), cluster=cluster, progress=progress, scene=self.to_toml())
-        from ..running.output import open_dataset
+        from ..running.opening import open_dataset
 
         self.write(out, jobs=jobs, cluster=cluster, progress=progress, resume=resume)
         return open_dataset(out)

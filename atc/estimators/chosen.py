@@ -66,15 +66,6 @@ class Chosen:
         return some, scaled
 
 
-def chosen_of(frame, selection, bonds: str, parts, part: int | None) -> Chosen | None:
-    """Those of a frame that are asked for (see `settings.Settings`); None: all."""
-    if selection is None and parts is None:
-        return None
-    whole = np.ones(len(frame), bool) if selection is None else selection.of(frame)
-    of_part = None if parts is None or part is None else parts.index_of(frame, whole) == part
-    return Chosen(whole, of_part, bonds)
-
-
 #: Fields that say something of all atoms only, and why.
 _OF_ALL = {
     "churning_divergence": "it checks the decomposition of the whole potential",

@@ -14,7 +14,7 @@ import numpy as np
 from ..decomposers.constraints.virtual_sites import seen_by
 from ..decomposers.long_range.stress import SINGLE
 from ..errors import AtcError
-from .sources import BondFactors
+from .bond_pass import BondFactors
 from .summed import BOND
 from .tensors import full
 
@@ -284,7 +284,7 @@ class FieldPass:
     pot : with fields
     frames, drifts : Frames, and the mean velocity of each
     names : sums over bonds, of `KNOWN`
-    place : `passes.Place`, the grid and the points of the error check
+    place : `place.Place`, the grid and the points of the error check
     tolerance : of the result
 
     Attributes
@@ -324,7 +324,7 @@ class FieldPass:
         return self._columns(self.tight.at(which))
 
     def added(self, k: int, bonds):
-        """`bonds`, the `passes.BondPass` of frame `k`, with the fields' share at the points of the check."""
+        """`bonds`, the `bond_pass.BondPass` of frame `k`, with the fields' share at the points of the check."""
         grid_gk, check_gk = bonds.totals.bond
         check_gk = check_gk.copy()  # its last column may be the size of the bonds' terms
         check_gk[:, : self.grid_gk.shape[1]] += self.check[k]
@@ -359,20 +359,12 @@ def finer_check(pot, frame, work, place, drift) -> np.ndarray | None:
     pot = finer(pot)
     if pot is None:
         return None
-    factors, size, deposits = BondFactors(work.bond, frame, drift), work.sized, place.check.deposits
-    deposits.place(frame.positions)
-    deposit = deposits.open(factors.width + size, length=max(pot.cutoff, 0.0))
-
-    def consume(bonds, thread):
-        for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
-            deposit.add_found(found, factors.of(bonds.taken(found.bonds), size), thread)
-
-    pot.stream(frame, consume, threads=place.threads, sources=bool(work.source_users))
-    return deposit.bond_sums()
+    factors, more = BondFactors(work.bond, frame, drift), {"sources": bool(work.source_users)}
+    return factors.sums_near(place.check.deposits, pot, frame, place.threads, size=work.sized, **more)
 
 
 def atom_fields(pot, frame, work, bonds, tiled: bool = False):
-    """`bonds`, the `passes.BondPass` of a frame, with the fields' share of the sums per atom and of the box. tiled :
+    """`bonds`, the `bond_pass.BondPass` of a frame, with the fields' share of the sums per atom and of the box. tiled :
     they are those of the bonds alone."""
     power = "box_power" in work.whole
     for term in pot.fields:

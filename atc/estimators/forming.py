@@ -7,12 +7,13 @@ from dataclasses import replace
 from ..grids.curved import in_local_axes
 from .accuracy.random_points import ZERO, extent_of, ratio, without_nan
 from .accuracy.strongest_bonds import PointsAround, error_of
-from .groups import MeanFields, elements
-from .passes import Place, atom_pass, named_bond_sums
+from .atom_pass import atom_pass
+from .bond_pass import named_bond_sums
+from .place import Place
 from .quantities.quantity import Quantity
+from .results import FrameResult, MeanFields, count
 from .runs import Run, RunBonds, RunSums
-from .settings import FrameResult
-from .tightening import SAFE, checkable
+from .tightening import SAFE
 
 
 def form(run: Run, sums: RunSums) -> FrameResult:
@@ -57,8 +58,7 @@ def form(run: Run, sums: RunSums) -> FrameResult:
                 w = sums.grid.site[q.weight][:, 0] if q in run.once else sums.fields.weight(q.name)
                 weights[q.name] = w.reshape(shape)
     for one in sums.bonds.each:
-        for what, count in one.notes.items():
-            notes[what] = notes.get(what, 0) + count
+        count(notes, one.notes)
     place = sums.here or sums.reference
     return FrameResult(
         arrays,
@@ -85,7 +85,7 @@ def place_of(q: Quantity, sums: RunSums) -> Place:
 def errors_around(run: Run, sums: RunSums, values, scales, extents, expected) -> dict[str, dict[str, float]]:
     """The errors that the strongest bonds make: of several frames alone, if those at random points leave room for them,
     or else all errors at the points around these bonds."""
-    bonds, quantities = sums.bonds, checkable(run.work)
+    bonds, quantities = sums.bonds, run.work.checkable
     if bonds.strong_g is None:
         return {}
     if run.several and all(q.rank == 2 for q in quantities):  # in the units of the bonds' own sum
@@ -120,11 +120,9 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
     points = PointsAround(run.frames[0], here, bonds.strongest.all, bonds.strong_g)
     if not len(points):
         return None
-    quantities = checkable(work)
+    quantities = work.checkable
     if run.several:
-        quantities = [
-            q for q in elements(work) if q in quantities or any(q.name in whole.parts for whole in quantities)
-        ]
+        quantities = [q for q in work.elements if q in quantities or any(q.name in whole.parts for whole in quantities)]
     means = MeanFields()
     for k, frame in enumerate(run.frames):
         bond_gk = points.bond_sums(
@@ -132,7 +130,7 @@ def look_around(run: Run, here: Place, bonds: RunBonds) -> tuple[PointsAround, M
         )
         if bonds.fields is not None:
             bond_gk = bond_gk + bonds.fields.at(k, points.which)
-        sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk, settings.churnless))
+        sums = replace(run.no_sums(k), bond=named_bond_sums(work, bond_gk))
         if work.site:
             sums = atom_pass(sums, frame, work, points.check.deposits, run.factors(k, bonds.each[k].per_atom))
         means.add(quantities, sums)

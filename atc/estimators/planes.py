@@ -12,7 +12,6 @@ Source: Todd, Evans & Daivis, Phys. Rev. E 52 (1995) 1627; Irving & Kirkwood, J.
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -20,8 +19,11 @@ import numpy as np
 from ..deposit.crossings import Crossings
 from ..errors import AtcError
 from ..grids.planes import BY_FRAMES, by_frames
-from .settings import FrameResult
-from .sources import AtomFactors, BondFactors, PerAtom, cells_moved, same_atoms
+from .atom_pass import AtomFactors
+from .bond_pass import BondFactors, PerAtom
+from .reference import cells_moved, same_atoms
+from .results import FrameResult
+from .settings import Settings
 from .summed import BOND, SITE, by_name
 from .sums import Sums
 from .work import Work
@@ -71,30 +73,22 @@ def counted_how(grid, pot, units) -> str:
     return "not needed" if time is None else " ".join(f"{time:g} {units.label('time')} {back}".split())
 
 
-def of_frame(frame, grid, names, pot, chosen, threads: int, anchor=None) -> FrameResult:
-    """The fields of a frame on planes.
-
-    Parameters
-    ----------
-    frame : Frame, which has what they need (`requirements`)
-    grid : the planes
-    names : of quantities, of `KNOWN`
-    pot : potential, or None
-    chosen : `chosen.Chosen`, or None
-    anchor : a list of neighbours kept for many frames, or None
-    """
-    start, work, units = perf_counter(), Work.on(grid, names, pot), frame.units
-    path = Path.of(frame, grid, pot, work)
-    bound = grid.bind(units, frame.cell, frame.positions)
-    bonds = _Bonds(frame, pot, work, bound, chosen, threads, anchor)
+def fields_on_planes(frame, settings: Settings) -> FrameResult:
+    """The fields of a frame on planes: `settings` name nothing else, and the frame has what they need
+    (`requirements`)."""
+    start, work, units, pot = perf_counter(), settings.work, frame.units, settings.pot
+    path = Path.of(frame, settings.grid, pot, work)
+    bound, chosen = settings.grid.bind(units, frame.cell, frame.positions), settings.chosen(frame)
+    bond, per_atom, notes = _bonds_through(bound, frame, settings, work, chosen) if work.bond_users else ({}, None, {})
     done = perf_counter()
     site = {}
     if path is not None:
-        factors = AtomFactors(path.frame, np.zeros(3), bonds.per_atom, pot, chosen)
-        site = by_name(work.site, SITE, paths_through(bound, frame, path.d_nc, factors.columns(work.site)))
-    sums = Sums(
-        site=site, bond=bonds.sums, boltzmann=units.boltzmann, dimension=frame.dimension, velocities="none"
-    )  # fmt: skip
+        factors = AtomFactors(path.frame, np.zeros(3), per_atom, pot, chosen)
+        a_nk = factors.columns(work.site)
+        crossings = Crossings(bound, frame.cell, a_nk.shape[1])  # of what atoms that came by d carry
+        crossings.add_paths(crossings.places(frame.positions), path.d_nc, a_nk)
+        site = by_name(work.site, SITE, crossings.sums())
+    sums = Sums(site=site, bond=bond, boltzmann=units.boltzmann, dimension=frame.dimension, velocities="none")
     arrays = {}
     for q in work.quantities:
         x = units.to_user(q.dimension, q.form(sums))
@@ -102,60 +96,32 @@ def of_frame(frame, grid, names, pot, chosen, threads: int, anchor=None) -> Fram
     seconds = {"bonds": done - start, "sites": perf_counter() - done, "total": perf_counter() - start}
     exact = {q.name: {"error_max": 0.0, "error_l2": 0.0} for q in work.quantities}
     return FrameResult(
-        arrays, errors=exact, expected=dict.fromkeys(arrays, 0.0), bound=bound, seconds=seconds, notes=bonds.notes
+        arrays, errors=exact, expected=dict.fromkeys(arrays, 0.0), bound=bound, seconds=seconds, notes=notes
     )
 
 
-def with_others(on_planes: FrameResult, others: FrameResult, names) -> FrameResult:
-    """The fields on planes, and those of the same frame that are on no grid, in the order of `names`."""
-    return replace(
-        others,
-        arrays={name: {**on_planes.arrays, **others.arrays}[name] for name in names},
-        errors={**others.errors, **on_planes.errors},
-        expected={**others.expected, **on_planes.expected},
-        bound=on_planes.bound,
-        seconds={key: on_planes.seconds.get(key, 0.0) + s for key, s in others.seconds.items()},
-    )
+def _bonds_through(bound, frame, settings: Settings, work: Work, chosen) -> tuple[dict, PerAtom, dict]:
+    """What the bonds of a frame pull, and do work, through the planes: sums by name, the energies of atoms where asked
+    for, and notes as of a `Decomposition`."""
+    threads, anchor = settings.threads, settings.anchor
+    factors = BondFactors(work.bond, frame, np.zeros(3))
+    crossings = Crossings(bound, frame.cell, factors.width, threads)
+    s_n3 = crossings.places(frame.positions)
 
+    def consume(bonds, thread):
+        if chosen is not None:
+            bonds = chosen.taken(bonds)[1]
+        if len(bonds):
+            crossings.add_between(s_n3, bonds.i, bonds.j, bonds.r_bc, factors.of(bonds), thread)
 
-def paths_through(bound, frame, d_nc, a_nk) -> np.ndarray:
-    """(g, k) what atoms that came by d carry through the planes."""
-    crossings = Crossings(bound, frame.cell, a_nk.shape[1])
-    crossings.add_paths(crossings.places(frame.positions), d_nc, a_nk)
-    return crossings.sums()
-
-
-class _Bonds:
-    """What the bonds of a frame pull, and do work, through the planes.
-
-    sums : by name. per_atom : energies, where asked for. notes : as of a `Decomposition`
-    """
-
-    def __init__(self, frame, pot, work: Work, bound, chosen, threads: int, anchor):
-        self.sums, self.per_atom, self.notes = {}, PerAtom(), {}
-        if not work.bond_users:
-            return
-        factors = BondFactors(work.bond, frame, np.zeros(3))
-        crossings = Crossings(bound, frame.cell, factors.width, threads)
-        s_n3 = crossings.places(frame.positions)
-
-        def consume(bonds, thread):
-            if chosen is not None:
-                bonds = chosen.taken(bonds)[1]
-            if len(bonds):
-                crossings.add_between(s_n3, bonds.i, bonds.j, bonds.r_bc, factors.of(bonds), thread)
-
-        sources = {"sources": True} if work.source_users else {}
-        with nullcontext() if anchor is None else anchor.at(frame):
-            found = pot.stream(
-                frame, consume if work.bond else None, threads=threads, energies=bool(work.energy_users),
-                forces=False, **sources,
-            )  # fmt: skip
-        if work.energy_users:
-            self.per_atom = PerAtom(energies_n=found.energies_n)
-        self.notes = dict(getattr(found, "notes", None) or {})
-        if work.bond:
-            self.sums = by_name(work.bond, BOND, crossings.sums())
+    sources = {"sources": True} if work.source_users else {}
+    with nullcontext() if anchor is None else anchor.at(frame):
+        found = settings.pot.stream(
+            frame, consume if work.bond else None, threads=threads, energies=bool(work.energy_users), forces=False,
+            **sources,
+        )  # fmt: skip
+    sums = by_name(work.bond, BOND, crossings.sums()) if work.bond else {}
+    return sums, PerAtom(found.energies_n if work.energy_users else None), dict(getattr(found, "notes", None) or {})
 
 
 class Path:

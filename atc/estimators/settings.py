@@ -1,15 +1,17 @@
-"""What the driver is given and what it gives back."""
+"""What the driver is given, beside the frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from ..contracts import BoundGrid, Grid, Interactions, Kernel
+from ..contracts import Grid, Interactions, Kernel
 from ..frame import Frame
-from .methods import Method, Refinement
+from .chosen import Chosen
+from .methods import Method
 from .work import Work
 
 
@@ -31,9 +33,9 @@ class Settings:
     tiles: tuple[int, int, int] | None = None
     anchor: object = None  # see `atc.neighbors.verlet`
     # Of some atoms (`selections.Selection`), and taken apart (`selections.Parts`): see `chosen`.
-    selection: object = None
+    selection: Any = None
     bonds: str = "half"
-    parts: object = None
+    parts: Any = None
     part: int | None = None
     #: What thermal motion in temperature and kinetic stress is relative to: "local", the velocity at the point in the
     #: frame, as it is; "frame", the same, and corrected for what that velocity of few atoms takes of their motion;
@@ -47,41 +49,16 @@ class Settings:
         """What is to be summed."""
         return Work.on(self.grid, self.names, self.pot, self.part is not None, self.velocity)
 
-    @property
-    def churnless(self) -> bool:
-        """Whether stress and energy sources of every bond cancel."""
-        return self.pot is not None and self.pot.churnless
+    def chosen(self, frame) -> Chosen | None:
+        """Which atoms and bonds of a frame count; None: all."""
+        if self.selection is None and self.parts is None:
+            return None
+        whole = np.ones(len(frame), bool) if self.selection is None else self.selection.of(frame)
+        of_part = None if self.parts is None or self.part is None else self.parts.index_of(frame, whole) == self.part
+        return Chosen(whole, of_part, self.bonds)
 
     @cached_property
     def reference_energies_n(self) -> np.ndarray:
         """(n,) potential energies of the atoms in the reference frame."""
         assert self.pot is not None and self.reference is not None, "see `requirements`"
         return self.pot.stream(self.reference, None, threads=self.threads, energies=True, forces=False).energies_n
-
-
-@dataclass
-class FrameResult:
-    """The fields of one frame, or the mean fields of some, in the user's units; masked quantities hold 0 where `mask`
-    is False.
-
-    errors : of each field, what was found (see `accuracy.random_points.Check.errors`)
-    expected : of each field, its largest error anywhere as far as the points of the check tell: at least what was found
-        there
-    methods, refined : the methods used in the end; what was computed again, and why
-    common : of fields of parts, where there is mass of any part: what is relative to the velocity of all is known there
-    frames, within : of how many frames these are the means, and how far those are from them (mean square), by field
-    """
-
-    arrays: dict[str, np.ndarray]
-    mask: np.ndarray | None = None
-    weights: dict[str, np.ndarray] = field(default_factory=dict)
-    errors: dict[str, dict[str, float]] = field(default_factory=dict)
-    bound: BoundGrid | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-    notes: dict[str, int] = field(default_factory=dict)
-    methods: dict[str, Method] = field(default_factory=dict)
-    refined: list[Refinement] = field(default_factory=list)
-    expected: dict[str, float] = field(default_factory=dict)
-    frames: int = 1
-    within: dict[str, float] = field(default_factory=dict)
-    common: np.ndarray | None = None

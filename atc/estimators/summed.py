@@ -18,9 +18,9 @@ from .tensors import outer6
 class Source:
     """A factor that is summed: its number of components, what it cannot do without, and what it is.
 
-    of : of atoms, (n, width) from their `sources.AtomFactors`; over the whole frame, from these and the
-        `passes.BondPass`; of bonds, what puts (b, width) into an array: of `sources.BondFactors`, the bonds, the first
-        column and the array. None where a pass of its own knows it
+    of : of atoms, (n, width) from their `atom_pass.AtomFactors`; over the whole frame, from these and the
+        `bond_pass.BondPass`; of bonds, what puts (b, width) into an array: of `bond_pass.BondFactors`, the bonds, the
+        first column and the array. None where a pass of its own knows it
     """
 
     width: int

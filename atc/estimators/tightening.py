@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from .methods import EXACT, Method, Refinement, deposits_of
-from .quantities.quantity import Quantity
 from .work import Work
 
 #: What of the tolerance may be found, at random points and around the strongest bonds. All of it may be what normally
@@ -29,31 +28,21 @@ _QUOTIENTS = (
 def watched(work: Work, methods, check_points: int) -> bool:
     """Whether there are approximate sums over bonds, and fields of them, that are to be looked at around the strongest
     bonds."""
-    return bool(not methods.get("bond", EXACT).exact and work.bond and check_points and checkable(work))
+    return bool(not methods.get("bond", EXACT).exact and work.bond and check_points and work.checkable)
 
 
-def checkable(work: Work) -> list[Quantity]:
-    """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms
-    alone."""
-    return [
-        q
-        for q in work.quantities
-        if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
-    ]
-
-
-def clear_thin(main, methods) -> None:
-    """What an approximate sum leaves where there is no mass is no mass."""
+def thin_sums(main, work: Work, methods) -> set[str]:
+    """The deposits whose sums are small somewhere though fields are quotients by them. What an approximate sum leaves
+    where there is no mass is no mass: it is taken away."""
+    thin = set()
     for key, of, name in _QUOTIENTS:
-        method, rho = methods.get(key), getattr(main, of).get(name)
-        if method is not None and not method.exact and rho is not None:
+        method, rho = methods.get(key, EXACT), getattr(main, of).get(name)
+        if rho is None:
+            continue
+        if not method.exact:
             rho[rho < 4 * method.tolerance * rho.max(initial=0.0)] = 0.0
-
-
-def thin_sums(main, work: Work) -> set[str]:
-    """The deposits whose sums are small somewhere though fields are quotients by them."""
-    found = [(key, getattr(main, of).get(name)) for key, of, name in _QUOTIENTS if key != "site" or work.masked]
-    thin = {key for key, rho in found if rho is not None and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0)}
+        if (key != "site" or work.masked) and rho.min(initial=np.inf) < _THIN * rho.max(initial=0.0):
+            thin.add(key)
     if work.squares and main.squared and (main.seen < _FEW).any():
         thin.add("site")
     return thin

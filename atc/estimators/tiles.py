@@ -15,8 +15,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from ..errors import AtcError
-from .passes import BondCollector, BondPass, BondTask, BondTotals
-from .sources import PerAtom
+from .bond_pass import BondCollector, BondPass, BondTask, BondTotals, PerAtom
 from .tile_cuts import Cut, Tile
 from .work import Work
 
@@ -62,8 +61,8 @@ def here_in_turn(f: Callable[[Tile, BondTask], TileShare], tiles: Iterable[Tile]
     return (f(tile, task) for tile in tiles)
 
 
-def bond_pass(frame, task: BondTask, to_reference, counts, run=here_in_turn) -> BondPass:
-    """Like the pass over the bonds of a whole frame (`passes.bond_pass`), tile by tile.
+def tiled_bond_pass(frame, task: BondTask, to_reference, counts, run) -> BondPass:
+    """Like the pass over the bonds of a whole frame (`bond_pass.bond_pass`), tile by tile.
 
     counts : tiles along the cell's edges
     run : (tile_sums, iterable of tiles, task) -> their results in order; where the tiles are computed is its affair

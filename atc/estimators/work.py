@@ -27,6 +27,7 @@ class Work:
     squares: list[str] = field(default_factory=list)  # factors whose sums with φ² are wanted too
     attributes: dict[str, list[str]] = field(default_factory=dict)  # frame attribute -> the quantities that need it
     kernel: bool = True  # whether sums on the grid are taken with one
+    churnless: bool = False  # whether M = −S in every bond
     made_of: tuple = ()  # what `of` was given
 
     @classmethod
@@ -47,7 +48,7 @@ class Work:
         `velocity`: what thermal motion is relative to, see `settings`. `churnless`: whether M = −S in every bond: it
         need not be summed up then (`sums.churn_nothing`). `kernel`: False on planes, where crossings are counted.
         `by_frames`: whether these are seen by where atoms were in the frame before, not by their velocities."""
-        work = cls(expand(names), kernel=kernel)
+        work = cls(expand(names), kernel=kernel, churnless=churnless)
         names = tuple(q.name for q in work.quantities)
         work.made_of = (names, central, parts, velocity, churnless, kernel, by_frames)
         for q in work.quantities:
@@ -129,6 +130,21 @@ class Work:
     def grid_users(self) -> list[str]:
         """Quantities that live on the grid."""
         return [q.name for q in self.quantities if q.kind == "grid"]
+
+    @property
+    def elements(self) -> list[Quantity]:
+        """The fields on the grid that others are sums of."""
+        return [q for q in self.quantities if q.kind == "grid" and not q.parts]
+
+    @property
+    def checkable(self) -> list[Quantity]:
+        """The fields that points around the strongest bonds can be computed for: those of sums over bonds and atoms
+        alone."""
+        return [
+            q
+            for q in self.quantities
+            if q.kind == "grid" and q.bond and not (q.on_reference or q.gather or q.gradient or q.point or q.whole)
+        ]
 
     @property
     def kernel_users(self) -> list[str]:

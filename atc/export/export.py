@@ -38,7 +38,7 @@ def export(out, target=None, *, quantities=None, frames=None, species=None) -> P
     ------
     AtcError : for formats that cannot hold the output, fields that are not there
     """
-    from ..running.output import load, of_species
+    from ..running.opening import load, of_species
 
     ds = of_species(load(out), species)
     if target is None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError
-from ..running.output import load, of_species
+from ..running.opening import load, of_species
 from ..units.words import converted, in_units, unit_of
 from . import components
 from .against_time import time_figure

@@ -17,8 +17,9 @@ from ..estimators.chosen import require_choosable
 from ..estimators.methods import EXACT, Method, summary
 from ..estimators.moving import Follow
 from ..estimators.planes import require_countable
+from ..estimators.results import FrameResult
 from ..estimators.selections import Parts, selection
-from ..estimators.settings import FrameResult, Settings
+from ..estimators.settings import Settings
 from ..estimators.work import Work
 from ..grids import Grid
 from ..grids.planes import by_frames, through_planes

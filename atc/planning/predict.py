@@ -9,7 +9,7 @@ from ..estimators.accuracy.random_points import checking_kernel
 from ..estimators.accuracy.strongest_bonds import POINTS
 from ..estimators.field_pass import EVERY
 from ..estimators.groups import POINTS as GROUP_POINTS
-from ..estimators.groups import elements, formed_once
+from ..estimators.groups import formed_once
 from ..estimators.methods import EXACT
 from . import costs as model
 from .method_choice import sizes, spectral_deposit
@@ -96,7 +96,7 @@ def predict(job) -> Prediction:
         sums = {"site": work.n_site, "bond": work.n_bond, "": work.n_reference_bond}
         values = components + sum(sums.values())
         if m > 1:
-            formed = sum(3**q.rank for q in elements(work) if q not in formed_once(work))
+            formed = sum(3**q.rank for q in work.elements if q not in formed_once(work))
             formed += sum(k for key, k in sums.items() if key not in together)
             parts["fields of each frame"] = SECONDS_PER_FORMED * points * formed
             memory += 8.0 * n * m * 12 + 8.0 * points * 2 * formed

@@ -10,7 +10,7 @@ from ..estimators.columns import is_column, label
 from ..estimators.field_pass import attributes
 from ..estimators.planes import ABOUT, counted_how
 from ..estimators.registry import hidden
-from ..estimators.settings import FrameResult
+from ..estimators.results import FrameResult
 from ..grids.planes import through_planes
 from ..planning.job import Job, local_axes
 from .as_scene import scene_of

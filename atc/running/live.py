@@ -26,8 +26,9 @@ from ..planning.job import Job, prepare
 from ..planning.request import Request
 from ..planning.sanity import sanity
 from ..readers.trajectory import Trajectory
+from .collecting import Sink
+from .first_frames import fix_methods
 from .output import dataset_in_memory
-from .run import _Sink, fix_methods
 from .whole import replacing
 
 #: Seconds between two saves of what has been averaged.
@@ -258,7 +259,7 @@ class Live:
             live.methods = {key: Method.from_plain(m) for key, m in about["methods"].items()}
         else:
             fix_methods(live, None, 1)
-        sink = _Sink(live, None)
+        sink = Sink(live, None)
         sink.agreement = self._agreement
         if self._before is not None:
             self._restore(sink)
@@ -318,15 +319,13 @@ class Live:
         if out._sink is None:
             out._job = copy.copy(self._job)
             out._ready()
-        job, sink = copy.copy(out._job), copy.copy(out._sink)
-        sink.averages, sink.sequence = copy.deepcopy(sink.averages), copy.deepcopy(sink.sequence)
-        sink.entries, sink.notes, sink.note = list(sink.entries), list(sink.notes), copy.deepcopy(sink.note)
-        sink.job, out._job, out._sink = job, job, sink
+        out._job = job = copy.copy(out._job)
+        out._sink = sink = out._sink.copied(job)
         out._buffer, out._following = list(self._buffer), copy.copy(self._following)
         while out._buffer:
             out._flush()
         if sink.note and sink.averaging:  # a window that is not full
-            sink._emit_average()
+            sink.emit_average()
         job.n_frames = out._done
         sink.prepare(out._first_result or fields_of([job.first], job.settings(), 0))
         for sentence in sink.sequence.warnings(sink.averaging):

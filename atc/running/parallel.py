@@ -15,7 +15,8 @@ from itertools import islice
 
 from ..errors import AtcError, AtcWarning
 from ..estimators.driver import fields_of
-from ..estimators.settings import FrameResult, Settings
+from ..estimators.results import FrameResult
+from ..estimators.settings import Settings
 from ..planning.job import Job
 
 #: How long a scheduler may take to answer.

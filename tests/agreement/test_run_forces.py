@@ -300,9 +300,10 @@ def made_plan(made):
 
 
 def test_must_agree_is_an_error_before_anything_is_computed(argon_run, tmp_path, monkeypatch):
-    import atc.running.run
+    from atc.running import first_frames, parallel
 
-    monkeypatch.setattr(atc.running.run, "fields_of", lambda *a, **k: pytest.fail("computed"))
+    for where in (first_frames, parallel):
+        monkeypatch.setattr(where, "fields_of", lambda *a, **k: pytest.fail("computed"))
     with pytest.raises(AtcError, match='forces = "must agree", but forces of frame 0 differ') as e:
         scene(argon_run, WRONG, forces="must agree").write(tmp_path / "out.nc")
     assert "\n" not in str(e.value) and not list(tmp_path.iterdir())

@@ -16,7 +16,7 @@ from atc.analysis.check import check
 from atc.bonds import Bonds
 from atc.cli import app
 from atc.estimators import balance
-from atc.estimators.accuracy import balance_limits as limits
+from atc.estimators.balance import limits
 from atc.kernels import kernel
 from atc.units import units
 

@@ -16,7 +16,7 @@ from atc import pd
 from atc.cases.build import make_body
 from atc.cases.case import Case
 from atc.errors import AtcError
-from atc.running.output import open_dataset
+from atc.running.opening import open_dataset
 
 PLATE = """[body]
 region = { shape = "box", lo = [0, 0, 0], hi = [0.03, 0.012, 0] }

@@ -84,7 +84,7 @@ def test_every_variable_says_its_unit(run, suffix):
 
 @pytest.mark.parametrize("suffix", ["nc", "zarr"])
 def test_fields_of_the_run_too(run, suffix):
-    from atc.running.output import open_dataset
+    from atc.running.opening import open_dataset
 
     fields = open_dataset(run[0] / f"out-fields.{suffix}")
     for name, unit in FIELDS.items():

@@ -8,7 +8,7 @@ from naive_fields import BruteLJ
 import atc
 from atc.config.scene import Scene
 from atc.errors import AtcError
-from atc.running.output import load
+from atc.running.opening import load
 
 KERNEL = atc.kernel("quartic", 6.0)
 NAMES = ["column:c_pe", "column:c_pe:mean", "column:c_pe:mass_mean", "column:c_st[1]", "column:q", "density"]

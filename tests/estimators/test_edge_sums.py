@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from atc.bonds import Bonds
-from atc.estimators.sources import AtomSums, BondFactors
+from atc.estimators.bond_pass import AtomSums, BondFactors
 from atc.estimators.sums import Sums
 
 

@@ -12,7 +12,7 @@ from test_estimators_fields import _Spy
 import atc
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.registry import QUANTITIES
-from atc.estimators.sums import curl
+from atc.estimators.tensors import curl
 from atc.estimators.work import Work
 from atc.frame import Cell, Frame
 from atc.units import units

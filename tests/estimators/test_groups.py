@@ -13,7 +13,7 @@ from test_run import Stop, same, stop_after
 import atc
 from atc.decomposers.outside import Friction, OutsideForces
 from atc.errors import AtcError, AtcWarning
-from atc.estimators import driver, forming, groups
+from atc.estimators import driver, forming, groups, runs
 from atc.estimators.methods import Method
 from atc.estimators.registry import QUANTITIES
 from atc.estimators.work import Work
@@ -21,7 +21,7 @@ from atc.frame import Cell
 from atc.plan import Request, plan, prepare
 from atc.planning import calibrate, method_choice
 from atc.planning.costs import Costs
-from atc.running import run
+from atc.running import collecting, run
 
 KERN = atc.kernel("quartic", radius=5.5)
 GRID = atc.Grid.regular(shape=(5, 4, 6))
@@ -248,8 +248,8 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     monkeypatch.setattr(forming, "PointsAround", lambda *a: looked.append(1) or points_around(*a))
     done = []
     for goal, methods in ((1e-1, spectral), (1e-4, spectral), (1.0, {})):
-        run = driver.Run.of(frames, settings, request.work, 0, goal)
-        sums = driver.sum_up(run, methods)
+        run = runs.Run.of(frames, settings, request.work, 0, goal)
+        sums = runs.sum_up(run, methods)
         done.append((sums.bonds.strongest, forming.form(run, sums)))
         assert len(looked) == (goal == 1e-4) + (goal == 1.0)
     loose, close_, exact = (result.arrays["stress_potential"] for _, result in done)
@@ -260,9 +260,9 @@ def test_the_strongest_bonds_of_all_frames_are_exact_and_the_rest_is_watched(spe
     for _, result in done[:2]:
         assert 0.1 * true <= result.errors["stress_potential"]["error_max"] <= max(3 * true, 1e-3)
     # without them the error is the pair's
-    monkeypatch.setattr(driver, "summed_exactly", lambda *a: np.zeros((1000, 6)))
-    run = driver.Run.of(frames, settings, request.work)
-    result = forming.form(run, driver.sum_up(run, spectral))
+    monkeypatch.setattr(runs, "summed_exactly", lambda *a: np.zeros((1000, 6)))
+    run = runs.Run.of(frames, settings, request.work)
+    result = forming.form(run, runs.sum_up(run, spectral))
     assert np.abs(result.arrays["stress_potential"] - exact).max() / np.abs(exact).max() > 5 * true
 
 
@@ -295,7 +295,7 @@ def trajectory(n):
 @pytest.mark.parametrize("average, stop", [(True, 4), (True, 8), (6, 4), (6, 6), (6, 14)])
 def test_interrupted_averages_continue_bit_for_bit(tmp_path, average, stop, monkeypatch):
     """Stopped between groups of a window: what was done is not computed again."""
-    monkeypatch.setattr(run, "_SAVE_EVERY", 0.0)
+    monkeypatch.setattr(collecting, "_SAVE_EVERY", 0.0)
     monkeypatch.setattr(groups, "size_of", lambda window, atoms: 4 if window >= 4 else 1)
     arguments = (trajectory(15), BruteLJ(), KERN, GRID, ["stress", "velocity"], 1e-6)
     out = tmp_path / "o.zarr"

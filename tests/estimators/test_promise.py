@@ -25,7 +25,7 @@ from atc.planning import method_choice
 from atc.planning.calibrate import argon, silicon
 from atc.planning.costs import Costs, load_of, visits
 from atc.planning.method_choice import FACTORS, LATER_AIM, LOOSEST, TIGHTEN_ABOVE
-from atc.running import run
+from atc.running import collecting, first_frames
 
 KERN = atc.kernel("gaussian", radius=8.0)
 GRID = atc.Grid.regular(shape=12)
@@ -139,7 +139,7 @@ def frames_of(liquid, stressless):
 
 def test_refined_frames_are_the_same_however_they_are_computed(liquid, stressless, tmp_path, monkeypatch):
     """Serial, over processes, and interrupted anywhere: bit for bit, with the frames that needed it computed again."""
-    monkeypatch.setattr(run, "_SAVE_EVERY", 0.0)
+    monkeypatch.setattr(collecting, "_SAVE_EVERY", 0.0)
     frames, pot = frames_of(liquid, stressless), liquid[1]
     arguments = (frames, pot, KERN, GRID, ["stress_potential"], 1e-4)
     serial = quiet(*arguments)
@@ -171,7 +171,7 @@ def test_the_methods_settle_on_the_first_frame(liquid, start):
     rungs = [f * tolerance for f in FACTORS]
     for t in [start] if start else np.geomspace(1.5e-4, 6e-4, 40):
         request.methods = {"bond": Method("spectral", t, "test", tuple(r for r in rungs if r < 0.99 * t))}
-        result = run.fix_methods(request, None, 0)
+        result = first_frames.fix_methods(request, None, 0)
         close = not result.refined and result.expected["stress_potential"] > TIGHTEN_ABOVE * tolerance
         if close:
             break
@@ -468,10 +468,10 @@ def test_a_frame_of_the_middle_says_where_all_begin(liquid, stressless, monkeypa
             return super().__getitem__(k)
 
     def start(several, kind=list):
-        monkeypatch.setattr(run, "SEVERAL", several)
+        monkeypatch.setattr(first_frames, "SEVERAL", several)
         request = prepare(Request(frames, pot, KERN, GRID, ["stress_potential"], 1e-4, threads=1))
         request.frames = kind(frames)
-        first = run.fix_methods(request, None, 0)
+        first = first_frames.fix_methods(request, None, 0)
         assert first.errors["stress_potential"]["error_max"] <= 1e-4
         return request
 

@@ -9,7 +9,7 @@ import pytest
 import atc
 from atc.deposit import make
 from atc.errors import AtcWarning
-from atc.estimators import driver, forming
+from atc.estimators import driver, forming, runs
 from atc.estimators.accuracy import strongest_bonds as hot
 from atc.estimators.methods import Method
 from atc.frame import Cell
@@ -41,8 +41,8 @@ def spectral_wins():
 
 def sums_of(frame, pot, kern, method, what="stress_potential", threads=1, grid=GRID):
     request = prepare(Request(frame, pot, kern, grid, [what], max(method.tolerance, 1e-9), threads=threads))
-    run = driver.Run.of([frame], request.settings(), request.work)
-    return run, driver.sum_up(run, {"bond": method})
+    run = runs.Run.of([frame], request.settings(), request.work)
+    return run, runs.sum_up(run, {"bond": method})
 
 
 def around(n, a, shake, more=(), cell=None):

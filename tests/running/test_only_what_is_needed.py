@@ -9,7 +9,7 @@ import atc.analysis.heat_currents
 import atc.decomposers.many_body.neighbor_work as triplet_module
 import atc.deposit
 from atc.decomposers.many_body.neighborhood import Neighborhood
-from atc.estimators.sources import AtomFactors
+from atc.estimators.atom_pass import AtomFactors
 from atc.frame import Cell
 from atc.neighbors import cell_list as neighbors
 from atc.neighbors.verlet import Anchor, KeptList, anchor_of, cell_list

@@ -52,7 +52,7 @@ def test_info_knows_outputs(output, tmp_path):
 
 
 def test_standard_errors_can_be_drawn(output, tmp_path):
-    ds = atc.running.output.load(output)
+    ds = atc.running.opening.load(output)
     assert pick(ds, "stress_stderr") == "stress_stderr"
     with pytest.raises(AtcError, match="stress_correlated is not in"):
         pick(ds, "stress_correlated")

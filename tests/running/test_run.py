@@ -17,8 +17,8 @@ from naive_fields import BruteLJ
 import atc
 from atc.errors import AtcError, AtcWarning
 from atc.plan import Request, prepare
-from atc.running import run
-from atc.running.output import open_dataset
+from atc.running import collecting
+from atc.running.opening import open_dataset
 
 KERN = atc.kernel("quartic", radius=5.5)
 GRID = atc.Grid.regular(shape=(3, 4, 3))
@@ -94,7 +94,7 @@ def uninterrupted(tmp_path_factory):
     + [(".nc", False, 3), (".nc", 2, 3), (".nc", 2, 5), (".zarr", True, 3), (".zarr", True, 5)],
 )
 def test_interrupted_run_continues_bit_for_bit(tmp_path, suffix, average, stop, monkeypatch, uninterrupted):
-    monkeypatch.setattr(run, "_SAVE_EVERY", 0.0)
+    monkeypatch.setattr(collecting, "_SAVE_EVERY", 0.0)
     out = tmp_path / f"o{suffix}"
     with pytest.raises(Stop):
         fields(trajectory(), out, average=average, progress=stop_after(stop))
@@ -264,7 +264,7 @@ def test_bad_input_leaves_nothing_behind(tmp_path):
 def test_no_space_says_so(tmp_path, monkeypatch):
     import errno
 
-    from atc.running.output import Store
+    from atc.running.store import Store
 
     def write(store, *_):
         from atc.running.output import explained

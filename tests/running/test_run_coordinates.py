@@ -10,7 +10,7 @@ import atc
 from atc.errors import AtcWarning
 from atc.frame import Cell
 from atc.pictures.geometry import points_of_grid
-from atc.running.output import open_dataset
+from atc.running.opening import open_dataset
 
 KERN = atc.kernel("quartic", radius=5.5)
 

@@ -137,14 +137,14 @@ def test_a_grown_trajectory_goes_on(tmp_path, average, stop):
 
 
 def test_a_finished_short_window_is_computed_again_when_there_is_more(tmp_path, monkeypatch):
-    from atc.running import output
+    from atc.running import store
 
     def killed(self, attrs):
         raise KeyboardInterrupt
 
     out = tmp_path / "o.zarr"
     with monkeypatch.context() as m:
-        m.setattr(output.Store, "finish", killed)
+        m.setattr(store.Store, "finish", killed)
         with pytest.raises(KeyboardInterrupt):
             fields(trajectory(7), out, average=3)
     same(fields(trajectory(8), tmp_path / "w.zarr", average=3), fields(trajectory(8), out, average=3))

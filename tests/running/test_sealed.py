@@ -12,7 +12,7 @@ import xarray as xr
 
 from atc.errors import AtcError
 from atc.running import sealed
-from atc.running.output import damage, open_dataset
+from atc.running.opening import damage, open_dataset
 from atc.running.sealed import MAGIC, Damaged, require_sound
 from atc.running.whole import write_dataset
 

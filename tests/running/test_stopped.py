@@ -21,7 +21,7 @@ from test_case import PLATE
 from test_cli import SCENE, atc, finished_frames, ok, tree, write_dump
 
 from atc.config.scene import Scene
-from atc.running.output import published
+from atc.running.store import published
 
 ROOT = Path(__file__).parents[2]
 FRAMES, FEW = 40, 10
@@ -364,7 +364,7 @@ def test_a_window_loses_no_frame(tmp_path, wholes):
     """One window over all frames, told to stop: its frames so far are kept without waiting for the next save."""
     from test_run import Stop, fields, same, trajectory
 
-    from atc.running import run
+    from atc.running import collecting
     from atc.running.interruption import Stopped, watched
 
     seen = []
@@ -376,7 +376,7 @@ def test_a_window_loses_no_frame(tmp_path, wholes):
 
     with pytest.raises(Stopped), watched():
         fields(trajectory(), tmp_path / "o.zarr", average=True, progress=progress)
-    assert run._SAVE_EVERY > 1 and seen == [0, 1, 2, 3]
+    assert collecting._SAVE_EVERY > 1 and seen == [0, 1, 2, 3]
     seen[:] = [9] * 6
     again = fields(trajectory(), tmp_path / "o.zarr", average=True, progress=progress)
     assert seen[6] == 3

@@ -10,7 +10,7 @@ from test_stopped import flip
 
 from atc.errors import AtcError
 from atc.running import whole
-from atc.running.output import damage, open_dataset
+from atc.running.opening import damage, open_dataset
 from atc.running.whole import write_dataset
 
 

@@ -21,10 +21,9 @@ from ...deposit import make
 from ...errors import AtcError
 from ...frame import Cell
 from ...grids import BoundGrid
+from ..bond_pass import BondFactors
 from ..deposits import Deposits
-from ..sources import BondFactors
 from ..tensors import outer6
-from .random_points import Check
 
 #: Of the strongest bonds as many are summed exactly, one for so many atoms.
 EXACTLY, ATOMS_EACH = 1024, 32
@@ -365,7 +364,7 @@ class PointsAround:
     Parameters
     ----------
     frame : Frame, the first of them
-    place : `passes.Place`
+    place : `place.Place`
     strongest : StrongestBonds
     strong_g : (g,) largest component of the exact sums of those bonds that are summed exactly
 
@@ -384,16 +383,7 @@ class PointsAround:
         self.which, self.xyz, self.places = placed(
             place.bound, candidates, FELT + POINTS, strongest.centres(frame.cell), 1.5 * place.kern.radius
         )
-        self.check = Check(
-            place.bound,
-            place.kern,
-            frame.cell,
-            place.threads,
-            place.index,
-            0,
-            which=self.which,
-            summed=place.check_kern,
-        )
+        self.check = place.checked_at(self.which)
         self.check.deposits.place(frame.positions)
 
     def __len__(self):
@@ -417,20 +407,10 @@ class PointsAround:
             )
         elif anchor is not None:
             context = anchor.at(frame)
-        deposits.place(frame.positions)
         factors = BondFactors(work.bond, frame, drift)
-        deposit = deposits.open(factors.width, length=max(pot.cutoff, 0.0))
-
-        def consume(bonds, thread):
-            bonds = bonds if chosen is None else chosen.taken(bonds)[1]
-            for found in deposit.find(frame.positions, bonds.i, bonds.r_bc, thread):
-                deposit.add_found(found, factors.of(bonds.taken(found.bonds)), thread)
-
-        more = {"sources": True} if factors.sources else {}
-        more |= {"kept": kept} if kept else {}
+        more = ({"sources": True} if factors.sources else {}) | ({"kept": kept} if kept else {})
         with context:
-            pot.stream(frame, consume, threads=threads, energies=False, forces=False, **more)
-        return deposit.bond_sums()
+            return factors.sums_near(deposits, pot, frame, threads, chosen, energies=False, forces=False, **more)
 
     def _cluster(self, frame, pot, reach):
         """The atoms that matter as an open frame, and which they are; None where all of them must be asked."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..sums import curl
+from ..tensors import curl
 from .quantity import VELOCITY, Quantity, largest
 
 _GRADIENT_SIGN = "component [i, j]: i the direction of the derivative, j the component of the vector"

@@ -1,83 +1,143 @@
-"""The passes over one frame, each from plain data to sums: over its bonds, over its atoms, and over atoms with the
-kernel's gradient.
-
-Every pass serves two sets of points at once, the grid and the points of the error check; what it gives comes in pairs,
-(on the grid, at the points of the check). What has no bonds (the modes of long-range charges) is one more pass beside
-these, in `field_pass`: its shares are added to what the bonds give.
+"""The pass over the bonds of one frame, from plain data to every sum over them: on the grid, at the points of the error
+check, of each atom, of the box. What has no bonds (the modes of long-range charges) is one more pass beside this one,
+in `field_pass`: its shares are added to what the bonds give.
 """
 
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from ..frame import Cell
-from .accuracy.random_points import Check, checking_kernel
-from .deposits import Deposits
-from .kinematics import Displacement
 from .peridynamic import WeightedVirials
-from .shifts import local_shifts
-from .sources import AtomFactors, AtomSums, BondFactors, OfAll, PerAtom, ReferenceBonds, piola_factor
-from .summed import BOND, GATHER, SITE, by_name
-from .sums import Sums, churn_nothing
+from .place import Place
+from .reference import ReferenceBonds, piola_factor
+from .summed import BOND, by_name
+from .sums import churn_nothing
 from .tile_cuts import Tile, owned
 from .work import Work
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where sums are wanted, and how they are taken: a grid, and the points of the error check in it; picklable.
+class BondFactors:
+    """The factors of Σ b β for the bonds of a frame, side by side.
 
-    bound : BoundGrid. cell : Cell of the atoms
-    kern, check_kern : kernel in internal units (None where nothing needs one), and the one that errors are measured
-        with
-    methods : of each deposit on the grid
-    index : number of the frame, which random points depend on
+    names : of `summed.BOND`
+    drift : what velocities in "power" are relative to
     """
 
-    bound: object
-    cell: Cell
-    kern: object
-    check_kern: object
-    methods: dict
-    threads: int
-    index: int
-    check_points: int
-
-    @classmethod
-    def on(
-        cls, bound, cell, kern, methods, tolerance: float, threads: int, index: int, check_points: int, again: bool
-    ) -> Place:
-        """A grid, and a check that is as close as the tolerance asks. `again`: the methods follow others that left too
-        large an error, part of which may have been the check's own."""
-        cut = not again and bound.kind != "slab" and kern is not None
-        check_kern = checking_kernel(kern, methods, tolerance) if cut else kern
-        return cls(bound, cell, kern, check_kern, methods, threads, index, check_points)
-
-    @cached_property
-    def grid(self) -> Deposits:
-        """The deposits on the grid."""
-        return Deposits(self.methods, self.bound, self.kern, self.cell, self.threads)
-
-    @cached_property
-    def check(self) -> Check:
-        return Check(
-            self.bound, self.kern, self.cell, self.threads, self.index, self.check_points, summed=self.check_kern
-        )
+    def __init__(self, names, frame, drift):
+        self.names, self.velocities = names, frame.velocities
+        self.widths = [BOND[name].width for name in names]
+        self.peculiar_nc = frame.velocities - drift if "power" in names else None
 
     @property
-    def both(self) -> tuple:
-        """The deposits on the grid and at the points of the check."""
-        return self.grid, self.check.deposits
+    def width(self) -> int:
+        return sum(self.widths)
 
-    def __getstate__(self):
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+    @property
+    def sources(self) -> bool:
+        """Whether they are made of the bonds' energy sources."""
+        return any(BOND[name].sources for name in self.names)
+
+    def of(self, bonds, size: bool = False) -> np.ndarray:
+        """(b, k); |F| |r| too if `size`."""
+        out = np.empty((len(bonds), self.width + size))
+        if not len(bonds):  # which need not have sources either
+            return out
+        if size:
+            r2 = np.einsum("bc,bc->b", bonds.r_bc, bonds.r_bc)
+            F_bc = bonds.F_bc
+            out[:, -1] = np.abs(bonds.G_b) * r2 if F_bc is None else np.sqrt(r2 * np.einsum("bc,bc->b", F_bc, F_bc))
+        at = 0
+        for name, width in zip(self.names, self.widths):
+            BOND[name].of(self, bonds, at, out)
+            at += width
+        return out
+
+    def add_near(self, deposit, x_nc, bonds, thread: int, size: bool = False) -> None:
+        """Into a deposit at a few points those of the bonds that are near one."""
+        for found in deposit.find(x_nc, bonds.i, bonds.r_bc, thread):
+            deposit.add_found(found, self.of(bonds.taken(found.bonds), size), thread)
+
+    def sums_near(self, deposits, pot, frame, threads: int, chosen=None, size: bool = False, **more) -> np.ndarray:
+        """(h, k) at a few points the sums over the bonds of `pot` that count. more : see `Potential.stream`"""
+        deposits.place(frame.positions)
+        deposit = deposits.open(self.width + size, length=max(pot.cutoff, 0.0))
+
+        def consume(bonds, thread):
+            bonds = bonds if chosen is None else chosen.taken(bonds)[1]
+            self.add_near(deposit, frame.positions, bonds, thread, size)
+
+        pot.stream(frame, consume, threads=threads, **more)
+        return deposit.bond_sums()
 
 
-# --- over the bonds
+@dataclass(frozen=True)
+class PerAtom:
+    """What the bonds leave for each atom, where somebody asks for it: its energy, the sums of `AtomSums`, the force on
+    it."""
+
+    energies_n: np.ndarray | None = None
+    virial_n6: np.ndarray | None = None
+    residual_n4: np.ndarray | None = None
+    moment_n9: np.ndarray | None = None
+    reference_moment_n9: np.ndarray | None = None
+    forces_nc: np.ndarray | None = None  # between atoms
+
+
+class AtomSums:
+    """Per-atom sums gathered while bonds stream by, one buffer a thread.
+
+    virial : (n, 6) ½ Σ G r⊗r, half of each bond to each end; energy, tension positive
+    residual : (n, 4) the force on each atom minus the force that follows from the energy sources, what ∇·z is made of;
+        and the size of the forces
+    moment, reference_moment : (n, 9) −½ Σ r⊗F, half of each bond to each end, r between current or reference positions
+    power : (3,) Σ (v_j·∂U^(i)/∂x_j − v_i·∂U^(j)/∂x_i) r over all bonds, v in the frame of the simulation
+    """
+
+    def __init__(
+        self, frame, threads: int, virial=False, residual=False, power=False, moment=False, reference_moment=False
+    ):
+        n = len(frame)
+        self.velocities = frame.velocities
+        self._virial = [np.zeros((n, 6)) for _ in range(threads)] if virial else None
+        self._residual = [np.zeros((n, 4)) for _ in range(threads)] if residual else None
+        self._power = [np.zeros(3) for _ in range(threads)] if power else None
+        self._moment = [np.zeros((n, 9)) for _ in range(threads)] if moment else None
+        self._reference_moment = [np.zeros((n, 9)) for _ in range(threads)] if reference_moment else None
+
+    @property
+    def wanted(self) -> bool:
+        return any(x is not None for x in (self._virial, self._residual, self._power, self._moment))
+
+    def add(self, bonds, thread: int, R_bc=None) -> None:
+        from . import _numba
+
+        if self._moment is not None:
+            _numba.scatter_moment(bonds.i, bonds.j, bonds.r_bc, bonds.forces(), self._moment[thread])
+        if self._reference_moment is not None:
+            _numba.scatter_moment(bonds.i, bonds.j, R_bc, bonds.forces(), self._reference_moment[thread])
+
+        if self._virial is not None:
+            _numba.scatter_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self._virial[thread])
+        if self._residual is not None:
+            _numba.scatter_residual(bonds.i, bonds.j, bonds.forces(), bonds.D_bdc, self._residual[thread])
+        if self._power is not None:
+            _numba.add_power(
+                bonds.i, bonds.j, bonds.r_bc, bonds.D_bdc, bonds.powers(), self.velocities, self._power[thread]
+            )
+
+    virial_n6 = property(lambda self: _total(self._virial))
+    residual_n4 = property(lambda self: _total(self._residual))
+    power_c = property(lambda self: _total(self._power))
+    moment_n9 = property(lambda self: _total(self._moment))
+    reference_moment_n9 = property(lambda self: _total(self._reference_moment))
+
+
+def _total(buffers):
+    """The sum of the threads' buffers, in their order."""
+    return None if buffers is None else sum(buffers[1:], buffers[0])
 
 
 @dataclass(frozen=True)
@@ -120,22 +180,25 @@ class BondPass:
     notes: dict[str, int] = field(default_factory=dict)
     kept: dict | None = None
 
-    def point_sums(self, k: int, work: Work, churnless: bool) -> dict:
+    def point_sums(self, k: int, work: Work) -> dict:
         """What the sums on the grid (k = 0) or at the points of the check (1) get from the bonds; sums of several
         frames are not here."""
         t, bond = self.totals, {}
         if work.bond and t.bond[k] is not None:
-            bond |= named_bond_sums(work, t.bond[k][:, : work.n_bond], churnless)
+            bond |= named_bond_sums(work, t.bond[k][:, : work.n_bond])
         if work.reference_bond:
             bond |= by_name(work.reference_bond, BOND, t.reference_bond[k])
-        size = float(t.bond[1][:, -1].max(initial=0.0)) if work.sized else 0.0
-        return {"bond": bond, "point": t.point[k], "size": size}
+        return {"bond": bond, "point": t.point[k], "size": self.size(work)}
+
+    def size(self, work: Work) -> float:
+        """How large the terms of the stress are, at the points of the check."""
+        return float(self.totals.bond[1][:, -1].max(initial=0.0)) if work.sized else 0.0
 
 
-def named_bond_sums(work: Work, total_gk, churnless: bool) -> dict[str, np.ndarray]:
+def named_bond_sums(work: Work, total_gk) -> dict[str, np.ndarray]:
     """The columns of `work.bond`; of forces that churn nothing, without what approximate sums leave of it."""
     bond = by_name(work.bond, BOND, total_gk)
-    if churnless:
+    if work.churnless:
         churn_nothing(bond)
     return bond
 
@@ -255,8 +318,8 @@ class BondCollector:
                 self.deposit.add_bonds(x_nc[bonds.i], bonds.r_bc, self.factors.of(bonds), thread=thread)
             if self.strongest is not None:
                 self.strongest.add(bonds, thread)
-            for found in self.check.find(x_nc, bonds.i, bonds.r_bc, thread) if self.check is not None else ():
-                self.check.add_found(found, self.factors.of(bonds.taken(found.bonds), self.work.sized), thread)
+            if self.check is not None:
+                self.factors.add_near(self.check, x_nc, bonds, thread, self.work.sized)
         if self.work.reference_bond:
             P_b9 = piola_factor(bonds, R_bc)
             self.reference_deposit.add_bonds(X_bc, R_bc, P_b9, thread=thread)
@@ -318,84 +381,3 @@ def bond_pass(frame, task: BondTask, to_reference=None, anchor=None, kept=None, 
         decomposition = collector.stream(task.pot, kept)
     notes = dict(getattr(decomposition, "notes", None) or {})
     return BondPass(collector.totals(decomposition), collector.per_atom(decomposition), notes, kept)
-
-
-# --- over the atoms
-
-
-def atom_pass(
-    sums: Sums, frame, work: Work, deposits: Deposits, factors: AtomFactors, squares_within: float = 0.0
-) -> Sums:
-    """`sums` with those over the atoms, at one set of points: one pass for all of them; further ones for sums of φ²,
-    and where regions move at very different speeds.
-
-    squares_within : what sums of φ² may lack, see `deposits.SQUARES`
-    """
-    names, x_nc = work.site, frame.positions
-    unshifted = {"thermal_shifted": None, "kinetic_flux_shifted": None, "thermal_all_shifted": None}
-    sums = replace(sums, site=_over_atoms(deposits.sites, names, x_nc, factors), **unshifted)
-    if work.squares:
-        # They say by how much thermal motion is corrected: a share 1/N = Σ φ²/n² of it, n the number density.
-        below = squares_within * sums.all_number.min(initial=np.inf) if squares_within else 0.0
-        sums.squared = _over_atoms(deposits.squares, work.squares, x_nc, factors, below)
-    if "kinetic" in names and "momentum" in names:
-        found = local_shifts(sums, deposits, x_nc, factors, flux="kinetic_flux" in names)
-        sums.thermal_shifted, sums.kinetic_flux_shifted = found
-        if "all_kinetic" in names:
-            sums.thermal_all_shifted = local_shifts(sums.of_all, deposits, x_nc, OfAll(factors))[0]
-    if sums.squared:
-        sums.count_freedom()
-    return sums
-
-
-def _over_atoms(take, names, x_nc, factors: AtomFactors, *more) -> dict[str, np.ndarray]:
-    """What `take` of some `Deposits` gives of the named factors."""
-    some = factors.some
-    return by_name(names, SITE, take(x_nc[some], np.ascontiguousarray(factors.columns(names)[some]), *more))
-
-
-def add_atoms(deposits: Deposits, deposit, frame, names, factors: AtomFactors) -> None:
-    """The named factors of a frame's atoms into a deposit of several frames."""
-    x_nc, a_nk, some = deposits.place(frame.positions), factors.columns(names), factors.some
-    deposits.add_sites(deposit, x_nc[some], np.ascontiguousarray(a_nk[some]))
-
-
-def gather_pass(frame, reference, work: Work, place: Place, factors: AtomFactors) -> list[dict]:
-    """The sums that need the kernel's gradient, or displacements from a reference: "gathered" and "gradient" of the
-    grid and of the points of the check."""
-    plain = [name for name in work.gather if name not in ("mass", "displacement")]
-    extra = factors.columns(plain) if plain else np.zeros((len(frame), 0))
-    displacement, m_n = None, factors.masses
-    if "displacement" in work.gather:
-        displacement = Displacement(frame.replace(masses=m_n), reference, False)
-    names = ["mass", "displacement", *plain] if displacement else ["mass", *plain]
-    out = []
-    for deposits in place.both:
-        if displacement is not None:
-            found = displacement.gather(deposits, frame.positions, m_n, extra, work.slopes("gather"))
-        else:
-            a_nk = np.concatenate([m_n[:, None], extra], axis=1)
-            found = deposits.gather(frame.positions, a_nk, None, work.slopes("gather"))
-        out.append(_gathered(names, *found))
-    return out
-
-
-def reference_gather_pass(frame, reference, energies_n, place: Place, factors: AtomFactors) -> list[dict]:
-    """The same over reference positions. energies_n : of the atoms in the reference"""
-    displacement = Displacement(frame, reference, True)
-    energy_n1 = (factors.per_atom.energies_n - energies_n)[:, None]
-    names = ["reference_mass", "reference_displacement", "reference_energy"]
-    return [
-        _gathered(
-            names,
-            *displacement.gather(deposits, reference.positions, frame.masses, energy_n1, True, "reference_gather"),
-        )
-        for deposits in place.both
-    ]
-
-
-def _gathered(names, values, gradients) -> dict:
-    return {
-        "gathered": by_name(names, GATHER, values),
-        "gradient": {} if gradients is None else by_name(names, GATHER, gradients),
-    }

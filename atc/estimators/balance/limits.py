@@ -8,7 +8,7 @@ from math import sqrt
 
 import numpy as np
 
-from ..balance import Exact
+from .laws import Exact
 
 
 @dataclass

@@ -1,5 +1,5 @@
-"""Displacements relative to a reference frame, summed over atoms and their periodic images in a cell that may have
-deformed.
+"""A frame and its reference: displacements, summed over atoms and their periodic images in a cell that may have
+deformed, and bonds carried to the reference.
 
 Where the cell deforms, the displacement of an atom's image differs from that of the atom: u is then not periodic, and a
 sum over images needs it for each of them. With x = F(X − O) + O + u' (F the deformation of the periodic edges, O the
@@ -13,7 +13,30 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AtcError
-from .sources import cells_moved, same_atoms
+
+
+def same_atoms(frame, reference) -> None:
+    """Raise unless both frames hold the same atoms and repeat along the same axes."""
+    if not np.array_equal(frame.ids, reference.ids):
+        raise AtcError(
+            f"{frame.source}: its atom ids are not those of the reference frame ({reference.source}): what refers to "
+            "a reference needs the same atoms in both"
+        )
+    if not np.array_equal(frame.cell.periodic, reference.cell.periodic):
+        raise AtcError(f"{frame.source}: its periodic axes are not those of the reference frame ({reference.source})")
+
+
+def cells_moved(frame, reference) -> np.ndarray:
+    """(n, 3) whole cells by which each atom must be moved back to continue its reference position: x − moved @ vectors.
+
+    By image flags where both frames have them, else by the rounded difference of fractional coordinates, which is right
+    while no atom has moved more than half a cell relative to the deforming cell.
+    """
+    if frame.images is not None and reference.images is not None:
+        moved = reference.images - frame.images
+    else:
+        moved = np.rint(frame.cell.fractional(frame.positions) - reference.cell.fractional(reference.positions))
+    return np.where(frame.cell.periodic, moved, 0.0)
 
 
 class Displacement:
@@ -87,16 +110,47 @@ class Displacement:
         return values, gradients
 
 
-def quotient_gradient(weight_g, mean_gk, gradient_g1c, gradient_gkc) -> np.ndarray:
-    """(g, c, k) ∂_c of a mean Σ w a φ / Σ w φ, from its value and the sums with ∂φ/∂x; 0 where the weight is."""
-    top = np.swapaxes(gradient_gkc, 1, 2) - np.swapaxes(gradient_g1c, 1, 2) * mean_gk[:, None, :]
-    w = weight_g[:, None, None]
-    return np.divide(top, w, out=np.zeros_like(top), where=w > 0)
+class ReferenceBonds:
+    """Current bonds carried to the reference configuration, through the same periodic image.
+
+    The image of a bond is n = round((x_i − x_j − r) H⁻¹) in the current cell H. Atoms that were re-wrapped since the
+    reference differ from it by whole cells: by their image flags where both frames have them, else by the rounded
+    difference of fractional coordinates (right while no atom has moved more than half a cell relative to the deforming
+    cell).
+
+    Source: first Piola-Kirchhoff as in formulas.md §4-5: the same bond sum with reference positions in β and in the
+    first index.
+    """
+
+    def __init__(self, frame, reference):
+        same_atoms(frame, reference)
+        self.x_nc, self.X_nc = frame.positions, reference.positions
+        self.inverse, self.H = frame.cell.inverse, reference.cell.vectors
+        self.periodic = frame.cell.periodic
+        # x_n − moved @ H is the atom unwrapped so that it continues its reference position.
+        self.moved_nc = cells_moved(frame, reference)
+
+    def of(self, index):
+        """The same for particles that are (copies of) these atoms."""
+        from copy import copy
+
+        new = copy(self)
+        new.x_nc, new.X_nc, new.moved_nc = self.x_nc[index], self.X_nc[index], self.moved_nc[index]
+        return new
+
+    def bonds(self, bonds):
+        """(b, 3) reference positions of the ends i and (b, 3) reference bond vectors X_i − X_j through the bond's
+        image."""
+        i, j = bonds.i, bonds.j
+        shift = np.rint((self.x_nc[i] - self.x_nc[j] - bonds.r_bc) @ self.inverse)
+        shift -= self.moved_nc[i] - self.moved_nc[j]
+        shift[:, ~self.periodic] = 0.0
+        X_bc = self.X_nc[i]
+        return X_bc, X_bc - self.X_nc[j] - shift @ self.H
 
 
-def eshelby(energy_g, piola_gcc, displacement_gradient_gcc) -> np.ndarray:
-    """W I − P (Grad u)ᵀ with piola[i, k] and gradient[j, k] = ∂u_k/∂X_j: component [i, j], i the direction of the
-    divergence."""
-    out = -np.einsum("gik,gjk->gij", piola_gcc, displacement_gradient_gcc)
-    out[:, range(3), range(3)] += energy_g[:, None]
-    return out
+def piola_factor(bonds, R_bc) -> np.ndarray:
+    """(b, 9) −R⊗F, row-major: the first index belongs to the reference bond R, the second to the force −G r."""
+    if bonds.F_bc is not None:
+        return -(R_bc[:, :, None] * bonds.F_bc[:, None, :]).reshape(-1, 9)
+    return (bonds.G_b[:, None, None] * R_bc[:, :, None] * bonds.r_bc[:, None, :]).reshape(-1, 9)
