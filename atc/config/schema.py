@@ -33,7 +33,7 @@ def _string(v):
 
 def _influence(v):
     """The name of an influence function, or its formula."""
-    from ..pd.materials.base import INFLUENCE
+    from ..pd.materials.influence import INFLUENCE
     from .formula import INFLUENCE_LETTERS, Formula
 
     if _string(v) in INFLUENCE:

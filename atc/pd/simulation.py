@@ -15,7 +15,8 @@ from .conduction import Conduction, FixedTemperature, HeatFlow, HeatSource
 from .contact import Contact, ContactSearch
 from .damage import damage_n
 from .integrate import chunks, drift, kick, kick_drift, kick_end, kinetic, power, total
-from .materials.base import BondForces, Material
+from .materials.base import Material
+from .materials.force_model import BondForces
 from .state import State, no_bonds
 
 

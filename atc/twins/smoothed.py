@@ -16,7 +16,8 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Cell, Frame
-from ..pd.materials.base import ForceModel, Material
+from ..pd.materials.base import Material
+from ..pd.materials.force_model import ForceModel
 from ..upscaling.elasticity import elastic_constants
 from ..upscaling.force_constants import force_constants
 from .material import TwinMaterial, hill

@@ -10,8 +10,9 @@ import numpy as np
 from .. import pd
 from ..errors import AtcError
 from ..frame import Cell
+from ..upscaling.branches import FRACTIONS, cubic_branches
 from ..upscaling.force_constants import signed_root
-from ..upscaling.matching import FRACTIONS, cubic_branches, match
+from ..upscaling.matching import match
 from .choice import horizon_of, twin_material
 
 #: The displacement of a node that forces are measured at, in distances of nodes.

@@ -9,11 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import AtcError
+from .branches import FRACTIONS, is_cubic
 from .crystal import Crystal, relax, response
 from .dispersion_result import Dispersion, Ray
 from .elasticity import elastic_constants
 from .force_constants import force_constants, frequency_unit, signed_root, supercell_repeat
-from .matching import FRACTIONS, MODELS, is_cubic, make_model, match
+from .matching import MODELS, make_model, match
 from .primitive import folded, primitive
 from .vibrations import measure
 from .zone import outside_zone, zone_path
@@ -56,7 +57,7 @@ def dispersion(
     models : of `atc.upscaling.matching.MODELS` (cubic crystals)
     lattice_constant : "auto" (the trajectory's if there is one, else "relaxed"), "relaxed" (zero pressure), or a length
         in the user's unit
-    horizon, width, reach : lengths in the user's unit; see `matching.fit_kernel`,
+    horizon, width, reach : lengths in the user's unit; see `fitting.fit_kernel`,
         `peridynamic_kernels.MollifiedLattice`, `force_constants`
     knots, order : see the same
     phonopy : whether to run phonopy too

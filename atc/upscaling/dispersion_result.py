@@ -10,10 +10,11 @@ import numpy as np
 
 from ..errors import AtcError
 from ..terminal import tell
+from .branches import is_cubic
 from .crystal import Crystal
 from .elasticity import GPA, ElasticConstants
 from .force_constants import ForceConstants, frequency_unit
-from .matching import Match, is_cubic
+from .matching import Match
 from .vibrations import Measured
 
 

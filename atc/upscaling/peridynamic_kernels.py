@@ -277,7 +277,7 @@ class _Fitted:
 
 @dataclass
 class FittedKernel(_Fitted):
-    """A kernel with its coefficients: what `atc.upscaling.matching.fit_kernel` returns."""
+    """A kernel with its coefficients: what `atc.upscaling.fitting.fit_kernel` returns."""
 
     basis: KernelBasis
     coefficients: np.ndarray

@@ -22,7 +22,8 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..bonds import HORIZON_SLACK
 from ..lanes import INLINE, C, gather
-from .base import AT_ONCE, BondForces, ForceModel, Isotropic, deformed
+from .base import Isotropic
+from .force_model import AT_ONCE, BondForces, ForceModel, deformed
 from .shared_families import find_runs, moments, order, states, stiff_rows
 
 # The share that must be left of the smallest moment of a bond's family, or that end of the bond has no energy any more.

@@ -15,7 +15,8 @@ from ...compiled import njit
 from ..blocks import collect
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
-from .base import BondForces, ForceModel, Isotropic, deformed
+from .base import Isotropic
+from .force_model import BondForces, ForceModel, deformed
 
 # The share that must be left of a family's smallest moment (the smallest eigenvalue of K), or its node exerts no force
 # any more.

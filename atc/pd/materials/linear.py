@@ -9,7 +9,8 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..bonds import JIT
 from ..sampling import check_moduli
-from .base import BondForces, ForceModel, Material, deformed
+from .base import Material
+from .force_model import BondForces, ForceModel, deformed
 
 # Bonds whose springs are asked of the kernel at once.
 _AT_ONCE = 200_000

@@ -18,7 +18,9 @@ from ..blocks import node_rows
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather, gather_positions
 from ..surface import moment_factors
-from .base import ForceModel, Isotropic, along_bonds, critical_work, deformed, influence_function
+from .base import Isotropic
+from .force_model import ForceModel, along_bonds, deformed
+from .influence import critical_work, influence_function
 from .rows import eights
 
 

@@ -15,7 +15,7 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..bonds import JIT
 from ..lanes import gather_positions
-from .base import deformed
+from .force_model import deformed
 from .lps import LPS, StateModel, less_slack, row_of
 
 

@@ -15,17 +15,9 @@ from ...errors import AtcError
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
 from ..surface import surface_factors
-from .base import (
-    MEAN_COS,
-    ForceModel,
-    Material,
-    along_bonds,
-    bond_based_shear,
-    deformed,
-    harmonic,
-    micromodulus,
-    moment,
-)
+from .base import Material
+from .force_model import ForceModel, along_bonds, deformed, harmonic
+from .influence import MEAN_COS, bond_based_shear, micromodulus, moment
 from .rows import eights
 
 # Compiled into the loop, and called from Python.

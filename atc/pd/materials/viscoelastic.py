@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import AtcError
 from ..lanes import gather_positions
-from .base import deformed
+from .force_model import deformed
 from .lps import LPS, StateModel, less_slack, row_of
 
 
