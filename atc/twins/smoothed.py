@@ -118,10 +118,6 @@ class Smoothed(Material):
     def contact_micromodulus(self, body):
         raise AtcError("smoothed: atoms touch by their own potential: leave contact out")
 
-    @property
-    def model(self):
-        return SmoothedModel
-
 
 class SmoothedModel(ForceModel):
     """Forces of the potential on the atoms that the nodes displace, taken back to the nodes."""
@@ -221,6 +217,9 @@ class SmoothedModel(ForceModel):
 
     def stiffness_n(self):
         return self.stiff_n
+
+
+Smoothed.model = SmoothedModel
 
 
 @dataclass

@@ -1,5 +1,5 @@
-"""What to inherit from for a material: `Material` and `Isotropic` with their elastic constants in 1, 2 and 3 dimensions;
-and `ForceModel`."""
+"""What to inherit from for a material: `Material` and `Isotropic`, with elastic constants in 1, 2 and 3 dimensions; and
+`ForceModel`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ class Material:
     or "energy"."""
 
     name = "material"
+    model: type[ForceModel]  # what computes its forces; given where that is defined, below the material
     by_numbers = True  # whether constants alone define it
     springs = True  # whether the energy of a bond grows like the square of its stretch
     directed = False  # whether its influence function may be one of the bond's vector
     volume_correction = True
     surface_correction = None
     influence = "one"
+    expansion = 0.0  # linear, by heat
 
     def lame(self, body):
         """(λ, μ) that act in the body's dimension; in 1-D λ = μ = E/3, so that λ + 2μ is Young's modulus."""

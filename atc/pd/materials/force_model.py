@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import AtcError
-from ..blocks import Blocks, Crew, collect
+from ..blocks import Blocks, Crew, collect, node_rows
 from ..damage import DamageRule
 from ..standing import Standing
 from .influence import influence_function, of_vector, sampled_influence
@@ -163,6 +163,22 @@ class ForceModel:
         values = np.array([of_material(self.materials[m]) for m in self.ids], float)
         return values[np.searchsorted(self.ids, self.body.material_n)]
 
+    def lame_n(self):
+        """(n,) λ and (n,) μ that act in the body's dimension, of each node's material."""
+        lam, mu = zip(*(self.materials[m].lame(self.body) for m in self.ids))
+        which = np.searchsorted(self.ids, self.body.material_n)
+        return np.array(lam, float)[which], np.array(mu, float)[which]
+
+    def at_rest(self):
+        """(n, 8) rows of nodes that are where they are made."""
+        rest = node_rows(self.n)
+        rest[:, 3:6] = self.body.X_nc
+        return rest
+
+    def at_ends(self, i, j, at_i, at_j=None):
+        """(n,) sums over bonds of what each gives to its two ends, to both alike without `at_j`."""
+        return np.bincount(i, at_i, self.n) + np.bincount(j, at_i if at_j is None else at_j, self.n)
+
     def per_bond(self, values_by_kind):
         """(b,) from one value a kind; a scalar where there is only one."""
         values = np.asarray(values_by_kind, float)
@@ -240,6 +256,9 @@ class ForceModel:
     #: the next forces are for; `taken` is what that step dissipated.
     remembers = False
     taken = 0.0
+
+    #: (b,) extensions of bonds at rest; None without a temperature.
+    rest_b = None
 
     def remember(self, history):
         """Go on from a state's history."""

@@ -49,10 +49,6 @@ class Linear(Material):
     def contact_micromodulus(self, body):
         raise AtcError("linear: this material knows no contact")
 
-    @property
-    def model(self):
-        return LinearModel
-
 
 class LinearModel(ForceModel):
     """Springs S_b = C(ξ) ν V_i V_j, one a bond."""
@@ -110,7 +106,7 @@ class LinearModel(ForceModel):
     def energy_n(self, z, intact_b):
         i, j, eta_bc, *_ = deformed(self, z)
         half = 0.25 * np.einsum("bi,bij,bj->b", eta_bc, self.S_bcc, eta_bc)
-        return np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
+        return self.at_ends(i, j, half)
 
     def forces_of_bonds(self, z, intact_b, bonds) -> BondForces:
         i, j, eta_bc, xi_bc, *_ = deformed(self, z, bonds)
@@ -126,6 +122,9 @@ class LinearModel(ForceModel):
             ]
         )
         return self.table.sums(size)
+
+
+Linear.model = LinearModel
 
 
 def _require_moduli(body, S_bcc, kernel):
