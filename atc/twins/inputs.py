@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..errors import AtcError
@@ -10,7 +12,18 @@ from ..readers.planar import matched
 from ..upscaling.crystal import PLANAR_STRUCTURES, STRUCTURES, Crystal, relax
 
 
-def inputs_of(scene) -> dict:
+@dataclass
+class Inputs:
+    """The run, its potential and reference; the kernel and the grid, in the user's units."""
+
+    traj: object
+    pot: object
+    kern: object
+    grid: object
+    reference: object
+
+
+def inputs_of(scene) -> Inputs:
     """Everything of the scene that a twin needs, or one line that says what is missing."""
     for section, example in (
         ("twin", 'structure = "fcc" and lattice_constant = 5.3'),
@@ -39,8 +52,7 @@ def inputs_of(scene) -> dict:
     reference = pot.complete(reference)
     reference.require("masses", why="the body of a twin")
     grid.require_dimension(d)
-    kern = scene.kernel().in_dimension(d)
-    return {"traj": traj, "pot": pot, "kern": kern, "grid": grid, "reference": reference}
+    return Inputs(traj, pot, scene.kernel().in_dimension(d), grid, reference)
 
 
 def crystal_of(scene, get, reference, pot, units):

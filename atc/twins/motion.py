@@ -7,12 +7,7 @@ import math
 import numpy as np
 
 from .. import pd
-from .conditions import (
-    between,
-    deform,
-    history,
-    smoothed_displacement,
-)
+from .conditions import between, deform, history, smoothed_displacement
 
 #: Steps in parts of the stable one: those of velocity Verlet put the phase of a wave (ω dt)²/24 ahead.
 SAFETY = 0.7
@@ -20,7 +15,6 @@ SAFETY = 0.7
 
 def grips_of(held, frames, reference, made, times) -> list:
     """The conditions that hold components of nodes, `held` (n, 3), at the smoothed displacement of their atoms."""
-
     nodes = held.any(axis=1)
     if not nodes.any():
         return []
