@@ -13,13 +13,7 @@ from ..errors import AtcError
 from .branches import FRACTIONS, Branch, branch_values, cubic_branches
 from .crystal import Crystal
 from .force_constants import ForceConstants, nearest_images
-from .peridynamic_kernels import (
-    CoarseLattice,
-    FittedKernel,
-    KernelBasis,
-    Lattice,
-    ShellBasis,
-)
+from .peridynamic_kernels import CoarseLattice, FittedKernel, KernelBasis, Lattice, ShellBasis
 
 
 @dataclass

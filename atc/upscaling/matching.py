@@ -15,12 +15,7 @@ from .branches import FRACTIONS, branch_values, cubic_branches
 from .elasticity import ElasticConstants
 from .fitting import fit_coarse, fit_kernel, wave_vectors, zone_wave_vectors
 from .force_constants import ForceConstants, signed_root
-from .peridynamic_kernels import (
-    Classical,
-    CoarseLattice,
-    Lattice,
-    MollifiedLattice,
-)
+from .peridynamic_kernels import Classical, CoarseLattice, Lattice, MollifiedLattice
 
 
 @dataclass
@@ -62,8 +57,7 @@ class Match:
 
 def match(model, fc: ForceConstants, fractions=FRACTIONS) -> Match:
     """Residuals, group velocities, stability and the stable step of a model (see `Match`)."""
-    factor = model.basis.factor if isinstance(model, CoarseLattice) else 1.0
-    crystal, lattice = fc.crystal, Lattice(fc)
+    factor, crystal, lattice = model.factor, fc.crystal, Lattice(fc)
     branches = cubic_branches(crystal, factor)
     error, verror = [], []
     for b in branches:

@@ -59,6 +59,10 @@ class Measured:
     lines_km: list | None = None
     shape: str | None = None
 
+    def line(self, name: str) -> np.ndarray:
+        """(k, 3n) a number of every fitted line, by its name in `lineshapes.Line`."""
+        return np.array([[getattr(x, name) for x in row] for row in self.lines_km])
+
 
 def measure(
     traj,
