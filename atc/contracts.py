@@ -9,7 +9,7 @@ answers; those without must be given.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from .frame import Cell, Frame
     from .units import Units
 
-__all__ = ["BoundGrid", "Deposit", "FrameSource", "Grid", "Interactions", "Kernel", "PDLaw"]
+__all__ = [
+    "BondSprings", "BoundGrid", "Deposit", "FrameSource", "Grid", "Interactions", "Kernel", "Micromodulus", "PDLaw",
+]  # fmt: skip
 
 
 class FrameSource(Protocol):
@@ -81,6 +83,8 @@ class Interactions(Protocol):
     attributes: Mapping[str, Any] = {}
     #: forces from outside, in words
     outside: tuple[str, ...] = ()
+    #: groups of a script that ``fix move`` moves
+    moved: tuple[str, ...] = ()
     #: what the script says of the atoms, see `complete`
     setup: Any = None
     #: {type: mass} as far as it says
@@ -321,3 +325,22 @@ class PDLaw(Protocol):
 
     def poisson(self, body: Any) -> float:
         """Contraction over extension of that bar."""
+
+
+@runtime_checkable
+class BondSprings(Protocol):
+    """Springs of a body, bond by bond: what `atc.pd.Linear` may be made of."""
+
+    def springs(self, body: Any) -> np.ndarray:
+        """(b, 3, 3) the spring constant of every bond of ``body.bonds``."""
+
+
+@runtime_checkable
+class Micromodulus(Protocol):
+    """A continuous kernel with its waves: what `atc.pd.Linear` may be made of, and nodes are held to."""
+
+    def kernel(self, xi_bc: np.ndarray) -> np.ndarray:
+        """(b, 3, 3) C(ξ), energy/length² per volume squared."""
+
+    def dynamical_matrix(self, k_kc: np.ndarray) -> np.ndarray:
+        """(k, 3, 3) D of plane waves."""

@@ -5,7 +5,8 @@ import time
 
 import numpy as np
 
-from atc.advection.equation import Kernel, advect
+from atc.advection.equation import advect
+from atc.advection.kernel import Kernel
 from atc.upscaling import evolve
 from atc.upscaling.chain import LennardJones, Springs, bump
 from atc.upscaling.evolve import verlet

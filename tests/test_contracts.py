@@ -22,6 +22,11 @@ KEPT = {
         "deposit.direct:SlabDeposit",
         "deposit.spectral:SpectralDeposit",
     ],
+    contracts.BondSprings: ["twins.linear:LatticeSprings"],
+    contracts.Micromodulus: [
+        "upscaling.peridynamic_kernels:FittedKernel",
+        "upscaling.peridynamic_kernels:MollifiedLattice",
+    ],
     contracts.PDLaw: [
         "pd.materials.pmb:PMB",
         "pd.materials.lps:LPS",

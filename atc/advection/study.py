@@ -13,8 +13,10 @@ from ..errors import AtcError
 from ..pictures.drawing import STYLE
 from ..readers.whole import whole_text
 from ..running.output import explained
-from .equation import KERNELS, AdvectionRun, Kernel, advect
+from .equation import advect
+from .kernel import KERNELS, Kernel
 from .reference import cole_hopf
+from .solution import AdvectionRun
 
 #: What is longer is no name of a file.
 _LONGEST_NAME = 256

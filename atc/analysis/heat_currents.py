@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import AtcError
 from ..estimators.settings import Settings
-from ..estimators.sources import drift_velocity
+from ..estimators.atom_pass import drift_velocity
 from ..readers.planar import matched
 from ..readers.times import Clock
 from ..readers.trajectory import Trajectory

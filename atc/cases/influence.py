@@ -9,7 +9,7 @@ def influence_of(cls, said, horizon, unit=1.0):
     """A material's influence function from its name or formula; one of the bond's direction for `cls` that take it.
     unit : of the formula's lengths."""
     from ..config.formula import influence
-    from ..pd.materials.base import INFLUENCE, of_vector
+    from ..pd.materials.influence import INFLUENCE, of_vector
 
     if said in INFLUENCE:
         return said

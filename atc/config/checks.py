@@ -40,7 +40,7 @@ def string(v):
 @takes(_WORDS)
 def influence(v):
     """The name of an influence function, or its formula."""
-    from ..pd.materials.base import INFLUENCE
+    from ..pd.materials.influence import INFLUENCE
     from .formula import INFLUENCE_LETTERS, Formula
 
     if string(v) in INFLUENCE:

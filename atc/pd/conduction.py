@@ -17,7 +17,8 @@ from ..compiled import njit
 from ..errors import AtcError
 from .bonds import JIT
 from .conditions import Condition
-from .materials.base import harmonic, influence_function
+from .materials.force_model import harmonic
+from .materials.influence import influence_function
 from .surface import moment_factors
 
 

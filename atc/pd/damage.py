@@ -28,6 +28,16 @@ class CriticalStretch:
         if not (np.isfinite(self.alpha) and self.alpha >= 0):
             raise AtcError(f"alpha of the critical stretch must be zero or positive, got {self.alpha!r}")
 
+    @property
+    def size(self) -> float:
+        """How strong: of two sides without a rule for their interface the smaller one counts."""
+        return self.s00
+
+    @property
+    def never(self) -> bool:
+        """Whether it says that nothing breaks."""
+        return bool(np.isinf(self.s00))
+
     @classmethod
     def from_energy(
         cls, Gc: float, material, body, alpha: float = 0.0, *, other=None, interface=1.0
@@ -69,6 +79,13 @@ class CriticalEnergy:
         if not self.Gc > 0:
             raise AtcError(f"the fracture energy Gc must be positive, got {self.Gc!r}")
 
+    @property
+    def size(self) -> float:
+        """How strong, as of a `CriticalStretch`."""
+        return self.Gc
+
+    never = False
+
 
 def damage_n(body, intact_b) -> np.ndarray:
     """(n,) φ_i = 1 − ΣV_j over intact bonds / ΣV_j over the reference family (R 3.0.10); 0 for a node without a
@@ -109,20 +126,19 @@ class DamageRule:
             for a in key if isinstance(key, tuple) else (key,):
                 if a not in ids:
                     raise AtcError(f"damage: there is no material {a!r} in this body; its materials are {sorted(ids)}")
-        by_energy = {isinstance(r, CriticalEnergy) for r in rules.values() if not np.isinf(getattr(r, "s00", 0.0))}
+        by_energy = {isinstance(r, CriticalEnergy) for r in rules.values() if not r.never}
         if len(by_energy) > 1:
             raise AtcError(
                 "damage: the bonds of one body break by a critical stretch or by a critical energy, not both"
             )
         if by_energy == {True}:
             self.Gc = np.full(n_kinds, np.inf)
-        size = lambda r: getattr(r, "Gc", np.inf) if self.Gc is not None else r.s00  # noqa: E731
         for (a, b), k in kinds.items():
             rule = rules.get((a, b), rules.get((b, a)))
             if rule is None:
                 # Without a rule of its own an interface is as weak as the weaker side; a side without a rule never
                 # breaks.
-                rule = min((rules[m] for m in (a, b) if m in rules), key=size, default=None)
+                rule = min((rules[m] for m in (a, b) if m in rules), key=lambda r: r.size, default=None)
             if isinstance(rule, CriticalEnergy):
                 self.Gc[k] = rule.Gc
             elif rule is not None:

@@ -46,7 +46,7 @@ def strain_gauge(sim, points, normals=None, *, reach=5.0, degree=3):
     for m in sim.materials.values():
         if m.name not in ELASTIC:
             raise AtcError(f"gauge: the stress of {m.name} is not that of its strain alone: take {', '.join(ELASTIC)}")
-    if getattr(sim.model, "rest_b", None) is not None:
+    if sim.model.rest_b is not None:
         raise AtcError("gauge: of a body with a temperature the strain is not elastic alone: none is computed")
     if normals is not None:
         normals = np.broadcast_to(np.asarray(normals, float), points.shape).copy()

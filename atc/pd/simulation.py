@@ -3,53 +3,24 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from ..frame import Cell
-from .blocks import Crew, node_rows
+from .blocks import Crew
 from .conditions import BodyForce, Prescribed
 from .conduction import Conduction, FixedTemperature, HeatFlow, HeatSource
 from .contact import Contact, ContactSearch
 from .damage import damage_n
 from .integrate import chunks, drift, kick, kick_drift, kick_end, kinetic, power, total
-from .materials.base import BondForces, Material
-from .state import State, no_bonds
+from .materials.base import Material
+from .materials.force_model import BondForces
+from .state import Energies, State, no_bonds
 
 
-@dataclass
-class Energies:
-    """The energy ledger of one instant. ``total`` is what must be conserved: kinetic + strain + contact − work + what
-    was dissipated, since the start.
-
-    kinetic, strain, contact : of the state. indenter : stored in the penetration of indenters and walls (their moving
-        does work).
-    work_external : done by indenters, walls and body forces; work_constraint : done by prescribed motions
-    dissipated_fracture, dissipated_damping, dissipated_material, dissipated_friction : gone with broken bonds, by
-        damping, in materials that relax, and where contacts slide
-    """
-
-    kinetic: float
-    strain: float
-    contact: float
-    indenter: float
-    work_external: float
-    work_constraint: float
-    dissipated_fracture: float
-    dissipated_damping: float
-    dissipated_material: float = 0.0
-    dissipated_friction: float = 0.0
-
-    @property
-    def total(self) -> float:
-        """Constant from the start of a run up to the integrator's error, O(Δt²); O(Δt) while bonds of state-based
-        bodies break."""
-        return (
-            self.kinetic + self.strain + self.contact - self.work_external - self.work_constraint
-            + self.dissipated_fracture + self.dissipated_damping + self.dissipated_material + self.dissipated_friction
-        )  # fmt: skip
+def _as_list(x) -> list:
+    return [] if x is None else list(x) if isinstance(x, (list, tuple)) else [x]
 
 
 class Simulation:
@@ -116,90 +87,34 @@ class Simulation:
                 "the materials of one body must be of one class: "
                 + ", ".join(sorted({m.name for m in materials.values()}))
             )
-        self.body = body
+        self.body, self.materials = body, materials
         n = len(body)
         self.crew = Crew(threads if n > 4096 else 1)
-        first = next(iter(materials.values()))
-        self.model = first.model(body, materials, self.crew, damage, lammps_compat, interfaces)
-        self.materials = materials
+        self.model = classes.pop()(body, materials, self.crew, damage, lammps_compat, interfaces)
         self.damages = self.model.rule.active
         self.mass_n = body.rho_n * body.V_n
         self.damping = float(damping)
         if self.damping < 0:
             raise AtcError(f"damping must be zero or positive, got {damping!r}")
-        self.time_step_stable = self.stable_step()
-        self.dt = float(safety * self.time_step_stable if dt is None else dt)
-        if not (np.isfinite(self.dt) and self.dt > 0):
-            raise AtcError(
-                f"the time step must be a positive number, got {dt!r}" if dt is not None
-                else "this body has no bonds that could tell a stable time step: give dt, or a larger horizon"
-            )  # fmt: skip
-        if not len(body.bonds):
-            warnings.warn(
-                "no node of the body has another one within its horizon: nothing holds it together; take a larger "
-                "horizon",
-                AtcWarning,
-                stacklevel=2,
-            )
-        elif self.dt > self.time_step_stable * (1 + 1e-9):
-            warnings.warn(
-                f"the time step {self.dt:g} is {self.dt / self.time_step_stable:.3g} times the step that is surely "
-                f"stable ({self.time_step_stable:g}): "
-                "the run may blow up; take a smaller dt, or leave it out",
-                AtcWarning,
-                stacklevel=2,
-            )
-        for k, crossed in enumerate(body.cuts):
-            if not crossed and len(body.bonds):
-                warnings.warn(
-                    f"notch {k + 1} crosses no bond of the body: check its place and its length",
-                    AtcWarning,
-                    stacklevel=2,
-                )
-        if contact is True:
-            contact = Contact()
+        self._choose_step(dt, safety)
+        contact = Contact() if contact is True else contact
         self.contact = None
         if contact:
             ids = np.array(self.model.ids)
             index = np.searchsorted(ids, body.material_n).astype(np.int64) if len(ids) > 1 else np.zeros(n, np.int64)
             self.contact = ContactSearch(body, contact, self.model.contact_constant(), (index, len(ids)), self.crew)
-        as_list = lambda x: [] if x is None else list(x) if isinstance(x, (list, tuple)) else [x]  # noqa: E731
-        self.rigid = [r.bind(body) for r in as_list(indenter) + as_list(walls)]
-        conditions = [c.bind(body) for c in as_list(conditions)]
-        thermal = [c for c in conditions if isinstance(c, (FixedTemperature, HeatSource))]
-        conditions = [c for c in conditions if c not in thermal]
-        self.heat_flow = self._warm_n = None
-        if conduction is not None:
-            if isinstance(conduction, Conduction):
-                conduction = {m: conduction for m in self.model.ids}
-            self.heat_flow = HeatFlow(body, conduction, thermal, corrected=first.surface_correction is not None)
-        elif thermal:
-            raise AtcError(f"{type(thermal[0]).__name__}: this body conducts no heat: give conduction")
-        for c in conditions:
-            if not isinstance(c, (Prescribed, BodyForce)):
-                raise AtcError(f"conditions must be Prescribed or BodyForce objects, got {type(c).__name__}")
-        self.prescribed = [c for c in conditions if isinstance(c, Prescribed)]
-        self.external = [c for c in conditions if isinstance(c, BodyForce)] + self.rigid
+        self.rigid = [r.bind(body) for r in _as_list(indenter) + _as_list(walls)]
+        self._sort([c.bind(body) for c in _as_list(conditions)], conduction)
         self.frictional = any(r.friction for r in self.rigid) or bool(contact and contact.friction)
-        self.cell, self.strained = body.cell, False
-        self._z = node_rows(n)
-        self._z[:, 3:6] = body.X_nc
-        fresh = state is None
-        if strain is not None:
-            strain = np.array(strain, float)
-            if strain.shape != (3, 3):
-                raise AtcError(f"strain must be a (3, 3) displacement gradient, got shape {strain.shape}")
-            self.model.images[:, 3:] = self.model.images[:, :3] @ strain.T
-            F = np.eye(3) + strain
-            self.cell = Cell(body.cell.vectors @ F.T, body.cell.origin @ F.T, body.cell.periodic)
-            self.strained = bool(strain.any())
-            if self.contact is not None:
-                self.contact.strain = strain
+        self._z = self.model.at_rest()
+        self._deform(strain)
+        self._warm_n = None
         if temperature is not None and self.heat_flow is None:
             self._warm(temperature)
+        fresh = state is None
         state = State.rest(body) if fresh else state.copy()
         if strain is not None and fresh:
-            state.u_nc[:] = body.X_nc @ strain.T
+            state.u_nc[:] = body.X_nc @ np.array(strain, float).T
         for name, value, out in (("velocities", velocities, state.v_nc), ("displacements", displacements, state.u_nc)):
             if value is not None:
                 if not fresh:
@@ -208,26 +123,94 @@ class Simulation:
                 if value.shape not in ((3,), (n, 3)):
                     raise AtcError(f"{name} must have shape (3,) or ({n}, 3), got {value.shape}")
                 out += value
-        self._take(state, fresh)
+        self._take(state)
         if self.heat_flow is not None:
             self._start_heat(0.0 if temperature is None else temperature)
-        if no_fail is not None and fresh:
-            inside = np.zeros(n, bool)
-            for region in as_list(no_fail):
-                inside[body.nodes(region)] = True
-            t = body.bonds
-            safe = inside[t.i_b] | inside[t.j_b]
-            self.state.intact_b[safe & (self.state.intact_b == 1)] = 2
-        self.n_broken = int(np.count_nonzero(self.state.intact_b == 0))
         if fresh:
+            self._never_breaking(_as_list(no_fail))
             self._impose_start()
-            self._contact_energy, self._rigid_energy = self._all_forces(damage=False)
+        self.n_broken = int(np.count_nonzero(self.state.intact_b == 0))
+        energies = self._all_forces(damage=False) if fresh else self._stored_energies()
+        self._contact_energy, self._rigid_energy = energies
+
+    # ---- how a run is set up
+
+    def _choose_step(self, dt, safety):
+        """The time step; warns of one that is not surely stable, and of bodies without the bonds that were meant."""
+        body = self.body
+        self.time_step_stable = self.stable_step()
+        self.dt = float(safety * self.time_step_stable if dt is None else dt)
+        if not (np.isfinite(self.dt) and self.dt > 0):
+            raise AtcError(
+                f"the time step must be a positive number, got {dt!r}" if dt is not None
+                else "this body has no bonds that could tell a stable time step: give dt, or a larger horizon"
+            )  # fmt: skip
+        said = []
+        if not len(body.bonds):
+            said.append(
+                "no node of the body has another one within its horizon: nothing holds it together; take a larger "
+                "horizon"
+            )
         else:
-            self._contact_energy, self._rigid_energy = self._stored_energies()
+            if self.dt > self.time_step_stable * (1 + 1e-9):
+                said.append(
+                    f"the time step {self.dt:g} is {self.dt / self.time_step_stable:.3g} times the step that is surely "
+                    f"stable ({self.time_step_stable:g}): the run may blow up; take a smaller dt, or leave it out"
+                )
+            said += [
+                f"notch {k + 1} crosses no bond of the body: check its place and its length"
+                for k, crossed in enumerate(body.cuts)
+                if not crossed
+            ]
+        for text in said:
+            warnings.warn(text, AtcWarning, stacklevel=3)
+
+    def _sort(self, conditions, conduction):
+        """Bound conditions into those of motion, of force and of heat."""
+        thermal = [c for c in conditions if isinstance(c, (FixedTemperature, HeatSource))]
+        self.heat_flow = None
+        if conduction is not None:
+            if isinstance(conduction, Conduction):
+                conduction = {m: conduction for m in self.model.ids}
+            corrected = next(iter(self.materials.values())).surface_correction is not None
+            self.heat_flow = HeatFlow(self.body, conduction, thermal, corrected=corrected)
+        elif thermal:
+            raise AtcError(f"{type(thermal[0]).__name__}: this body conducts no heat: give conduction")
+        others = [c for c in conditions if c not in thermal]
+        for c in others:
+            if not isinstance(c, (Prescribed, BodyForce)):
+                raise AtcError(f"conditions must be Prescribed or BodyForce objects, got {type(c).__name__}")
+        self.prescribed = [c for c in others if isinstance(c, Prescribed)]
+        self.external = [c for c in others if isinstance(c, BodyForce)] + self.rigid
+
+    def _deform(self, strain):
+        """The cell and its images by the displacement gradient `strain`."""
+        self.cell, self.strained = self.body.cell, False
+        if strain is None:
+            return
+        strain = np.array(strain, float)
+        if strain.shape != (3, 3):
+            raise AtcError(f"strain must be a (3, 3) displacement gradient, got shape {strain.shape}")
+        self.model.images[:, 3:] = self.model.images[:, :3] @ strain.T
+        F = np.eye(3) + strain
+        self.cell = Cell(self.cell.vectors @ F.T, self.cell.origin @ F.T, self.cell.periodic)
+        self.strained = bool(strain.any())
+        if self.contact is not None:
+            self.contact.strain = strain
+
+    def _never_breaking(self, regions):
+        """Bonds with an end in one of the regions never break."""
+        if not regions:
+            return
+        t, inside = self.body.bonds, np.zeros(len(self.body), bool)
+        for region in regions:
+            inside[self.body.nodes(region)] = True
+        safe = inside[t.i_b] | inside[t.j_b]
+        self.state.intact_b[safe & (self.state.intact_b == 1)] = 2
 
     # ---- state
 
-    def _take(self, state, fresh):
+    def _take(self, state):
         n, b = len(self.body), len(self.body.bonds)
         if state.u_nc.shape != (n, 3) or state.intact_b.shape != (b,):
             raise AtcError(
@@ -326,7 +309,7 @@ class Simulation:
         self._expand()
 
     def _expand(self):
-        if any(getattr(m, "expansion", 0.0) for m in self.materials.values()):
+        if any(m.expansion for m in self.materials.values()):
             self._warm(self.temperature_n)
 
     def _warm(self, temperature):

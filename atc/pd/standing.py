@@ -42,6 +42,11 @@ class Standing:
         if self._broken > _SHARE * len(self.j_b):
             self._draw_together()
 
+    @property
+    def walked(self):
+        """What of the table's arrays goes with what is walked."""
+        return slice(None) if self.bond_b is None else self.bond_b
+
     def broke(self, walked):
         """The table's numbers of bonds that a kernel has just broken (`walked`: their numbers among what is walked);
         tells the state."""

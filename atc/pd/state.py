@@ -18,6 +18,39 @@ LEDGER = (
 )
 
 
+@dataclass
+class Energies:
+    """The energy ledger of one instant. ``total`` is what must be conserved: kinetic + strain + contact − work + what
+    was dissipated, since the start.
+
+    kinetic, strain, contact : of the state. indenter : stored in the penetration of indenters and walls (their moving
+        does work).
+    work_external : done by indenters, walls and body forces; work_constraint : done by prescribed motions
+    dissipated_fracture, dissipated_damping, dissipated_material, dissipated_friction : gone with broken bonds, by
+        damping, in materials that relax, and where contacts slide
+    """
+
+    kinetic: float
+    strain: float
+    contact: float
+    indenter: float
+    work_external: float
+    work_constraint: float
+    dissipated_fracture: float
+    dissipated_damping: float
+    dissipated_material: float = 0.0
+    dissipated_friction: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Constant from the start of a run up to the integrator's error, O(Δt²); O(Δt) while bonds of state-based
+        bodies break."""
+        return (
+            self.kinetic + self.strain + self.contact - self.work_external - self.work_constraint
+            + self.dissipated_fracture + self.dissipated_damping + self.dissipated_material + self.dissipated_friction
+        )  # fmt: skip
+
+
 def no_bonds():
     """Columns of an empty set of bonds."""
     return {"i": np.zeros(0, np.int32), "j": np.zeros(0, np.int32), "F_bc": np.zeros((0, 3))}

@@ -99,9 +99,9 @@ def from_script(pot, reference, made, indenter=None, gripped=False) -> FromScrip
     mass = reference.masses.mean()
     share = lambda inside: made.smoothing.share(inside) >= 0.5  # noqa: E731
     surface = lambda law: callable(law) or isinstance(law, Indenter | Wall)  # noqa: E731
-    acting = getattr(pot, "acting", None)
+    acting = pot.acting
     laws = acting.laws if acting is not None else ()
-    moved = tuple(getattr(pot, "moved", ()))
+    moved = tuple(pot.moved)
     frame = reference
     if (moved or laws) and pot.setup is not None:
         try:

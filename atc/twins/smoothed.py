@@ -16,7 +16,8 @@ import numpy as np
 
 from ..errors import AtcError
 from ..frame import Cell, Frame
-from ..pd.materials.base import ForceModel, Material
+from ..pd.materials.base import Material
+from ..pd.materials.force_model import ForceModel
 from ..upscaling.elasticity import elastic_constants
 from ..upscaling.force_constants import force_constants
 from .material import TwinMaterial, hill
@@ -117,10 +118,6 @@ class Smoothed(Material):
     def contact_micromodulus(self, body):
         raise AtcError("smoothed: atoms touch by their own potential: leave contact out")
 
-    @property
-    def model(self):
-        return SmoothedModel
-
 
 class SmoothedModel(ForceModel):
     """Forces of the potential on the atoms that the nodes displace, taken back to the nodes."""
@@ -220,6 +217,9 @@ class SmoothedModel(ForceModel):
 
     def stiffness_n(self):
         return self.stiff_n
+
+
+Smoothed.model = SmoothedModel
 
 
 @dataclass

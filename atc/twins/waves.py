@@ -10,15 +10,17 @@ import numpy as np
 from .. import pd
 from ..errors import AtcError
 from ..frame import Cell
+from ..upscaling.branches import FRACTIONS, cubic_branches
 from ..upscaling.force_constants import signed_root
-from ..upscaling.matching import FRACTIONS, cubic_branches, match
+from ..upscaling.matching import match
+from ..upscaling.peridynamic_kernels import Periodic
 from .choice import horizon_of, twin_material
 
 #: The displacement of a node that forces are measured at, in distances of nodes.
 _STEP = 1e-4
 
 
-class NodeWaves:
+class NodeWaves(Periodic):
     """D(k) of a periodic body of nodes from the engine's forces when one of them is displaced (internal units).
 
     Parameters
@@ -64,10 +66,6 @@ class NodeWaves:
         along = k @ self.r_bc.T / np.maximum(np.linalg.norm(k, axis=1), 1e-300)[:, None]
         D = np.tensordot(-1j * along * np.exp(-1j * k @ self.r_bc.T), self.phi_bcc, axes=1)
         return 0.5 * (D + D.conj().transpose(0, 2, 1))
-
-    def onsite_matrix(self):
-        """None: bonds of nodes do not average out."""
-        return None
 
     def carried(self, k_kc) -> np.ndarray:
         """(k,) which wave vectors lie in the nodes' own zone: others are those again."""

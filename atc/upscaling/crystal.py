@@ -251,10 +251,15 @@ def _length(lattice_constant, u) -> float:
     return a
 
 
+def of_atc(model) -> bool:
+    """Whether a model is a potential of atc, `contracts.Interactions`; any other is an ASE calculator."""
+    return hasattr(model, "stream")
+
+
 def evaluate(model, frame: Frame) -> tuple[float, np.ndarray, np.ndarray]:
     """Energy, forces (n, 3) and virial Σ G r⊗r (3, 3; tension positive) of a frame, by a potential of atc or an ASE
     calculator; internal units."""
-    if hasattr(model, "stream"):
+    if of_atc(model):
         d = model.stream(frame, forces=True)
         return d.energy, d.forces_nc, d.virial_cc
     atoms = _ase_atoms(frame, model)
@@ -269,7 +274,7 @@ def evaluate(model, frame: Frame) -> tuple[float, np.ndarray, np.ndarray]:
 
 def forces(model, frame: Frame) -> np.ndarray:
     """(n, 3) forces only; internal units."""
-    if hasattr(model, "stream"):
+    if of_atc(model):
         return model.stream(frame, forces=True).forces_nc
     return _ase_atoms(frame, model).get_forces()
 

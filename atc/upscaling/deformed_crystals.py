@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import AtcError
 from ..frame import Cell
 from ..neighbors.verlet import using
-from .crystal import Crystal, evaluate
+from .crystal import Crystal, evaluate, of_atc
 
 #: Copies that are evaluated together.
 _AT_ONCE = 2048
@@ -27,7 +27,7 @@ class DeformedCrystals:
 
     def __init__(self, crystal: Crystal, model):
         self.crystal, self.model = crystal, model
-        self.together = hasattr(model, "stream")
+        self.together = of_atc(model)
         if self.together and model.fields:
             raise AtcError(
                 f"{crystal.name}: a crystal at many strains at once needs interactions with a cutoff, not long-range "

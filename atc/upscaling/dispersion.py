@@ -9,17 +9,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import AtcError
-from .crystal import Crystal, relax, response
+from .branches import FRACTIONS, is_cubic
+from .crystal import Crystal, of_atc, relax, response
 from .dispersion_result import Dispersion, Ray
 from .elasticity import elastic_constants
 from .force_constants import force_constants, frequency_unit, signed_root, supercell_repeat
-from .matching import FRACTIONS, MODELS, is_cubic, make_model, match
+from .matching import MODELS, make_model, match
 from .primitive import folded, primitive
 from .vibrations import measure
 from .zone import outside_zone, zone_path
 
 DIRECTIONS = ((1, 0, 0), (1, 1, 0), (1, 1, 1))
 _POINTS = 61
+#: What [dispersion] hands on as it is.
+_SAID = ("models", "horizon", "knots", "width", "order", "reach", "phonopy", "blocks", "timestep", "linewidths")
+_SAID += ("structure_factors",)
 
 
 def dispersion(
@@ -56,7 +60,7 @@ def dispersion(
     models : of `atc.upscaling.matching.MODELS` (cubic crystals)
     lattice_constant : "auto" (the trajectory's if there is one, else "relaxed"), "relaxed" (zero pressure), or a length
         in the user's unit
-    horizon, width, reach : lengths in the user's unit; see `matching.fit_kernel`,
+    horizon, width, reach : lengths in the user's unit; see `fitting.fit_kernel`,
         `peridynamic_kernels.MollifiedLattice`, `force_constants`
     knots, order : see the same
     phonopy : whether to run phonopy too
@@ -87,13 +91,13 @@ def dispersion(
         raise AtcError(f"{what} are measured in a run: give a trajectory")
     if model is None and models:
         raise AtcError(f"model {models[0]!r} is fitted to force constants: give a potential")
-    if model is not None and hasattr(model, "units"):
+    if model is not None and of_atc(model):
         require_compatible(model.units, u, "the potential", crystal.name)
     said = folded(crystal)
     notes, relaxed = [said] if said else [], None
     out = Dispersion(crystal, [], notes=notes, folded=said)
     if model is not None:
-        out.potential = model.describe() if hasattr(model, "describe") else type(model).__name__
+        out.potential = model.describe() if of_atc(model) else type(model).__name__
         if isinstance(lattice_constant, str):
             relaxed = relax(crystal, model)
             crystal = relaxed
@@ -174,7 +178,7 @@ def dispersion(
         for m in made:
             values = signed_root(np.linalg.eigvalsh(m.dynamical_matrix(ray.k_kc)))
             # A coarse lattice stands for the waves of its own zone only.
-            factor = getattr(getattr(m, "basis", None), "factor", 1)
+            factor = m.factor
             beyond = ray.fractions > 1.0000001 / factor if ray.ends is None else outside_zone(crystal, ray.k_kc, factor)
             ray.models[m.label] = np.where(beyond[:, None], np.nan, values)
     if bands is not None:
@@ -248,18 +252,8 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
         traj,
         directions=directions,
         path=path,
-        models=get("models", []),
         lattice_constant=fixed,
-        horizon=get("horizon"),
-        knots=get("knots", 12),
-        width=get("width"),
-        order=get("order", 4),
-        reach=get("reach"),
-        phonopy=get("phonopy", True),
-        blocks=get("blocks", 5),
-        timestep=get("timestep"),
-        linewidths=get("linewidths"),
-        structure_factors=get("structure_factors", False),
+        **{key: get(key) for key in _SAID if get(key) is not None},
     )
     out.scene = scene.to_toml()
     return out

@@ -10,10 +10,11 @@ import numpy as np
 
 from ..errors import AtcError
 from ..terminal import tell
+from .branches import is_cubic
 from .crystal import Crystal
 from .elasticity import GPA, ElasticConstants
 from .force_constants import ForceConstants, frequency_unit
-from .matching import Match, is_cubic
+from .matching import Match
 from .vibrations import Measured
 
 
@@ -287,7 +288,7 @@ class Dispersion:
                 out["measured"]["shape"] = r.shape
                 for name, *_ in LINE_COLUMNS:
                     size = 1.0 if name in ("misfit", "power") else factor
-                    out["measured"][f"line_{name}"] = clean([[size * getattr(x, name) for x in a] for a in r.lines_km])
+                    out["measured"][f"line_{name}"] = clean(size * r.line(name))
         return json.dumps(out, indent=2)
 
     # ---- data
@@ -375,11 +376,9 @@ class Dispersion:
             for name, what, kind in LINE_COLUMNS if r.lines_km is not None else ():
                 unit_here = unit if kind == "frequency" else "1" if kind == "1" else u.label("energy")
                 size = factor if kind == "frequency" else 1.0 if kind == "1" else u.to_user("energy", 1.0)
-                values = size * np.array([[getattr(x, name) for x in row] for row in r.lines_km])
-                put(f"line_{name}", ("k", "branch"), values, unit_here, what)
+                put(f"line_{name}", ("k", "branch"), size * r.line(name), unit_here, what)
             if r.lines_km is not None:
-                gamma = np.array([[x.gamma for x in row] for row in r.lines_km])
-                error = np.array([[x.gamma_error for x in row] for row in r.lines_km])
+                gamma, error = r.line("gamma"), r.line("gamma_error")
                 life = u.to_user("time", 1.0 / gamma)
                 put("lifetime", ("k", "branch"), life, u.label("time"), "1/γ, of the mode's energy")
                 put("lifetime_error", ("k", "branch"), life * error / gamma, u.label("time"), "its error")

@@ -17,10 +17,11 @@ import numpy as np
 
 from ..errors import AtcError, AtcWarning
 from ..pd.voigt import BASIS, of_springs
+from .amplitudes import amplitudes
 from .crystal import Crystal
 from .elasticity import ElasticConstants
+from .estimates import jackknife
 from .force_constants import ForceConstants, nearest_images
-from .vibrations import amplitudes, jackknife
 
 #: A run must have so many frames for each of the three components of a wave.
 _LEAST = 10

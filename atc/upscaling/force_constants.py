@@ -13,7 +13,7 @@ import numpy as np
 from ..decomposers.pairs.pairs import Pairs
 from ..errors import AtcError
 from ..neighbors.cell_list import neighbor_list
-from .crystal import STENCIL, Crystal, forces
+from .crystal import STENCIL, Crystal, forces, of_atc
 
 #: Frequencies in THz per internal angular frequency: 1/(2π) of the time in which amu Å²/t² is 1 eV, in ps (CODATA
 #: 2018).
@@ -181,7 +181,7 @@ def force_constants(
     if pairs is not None and method != "displacements":
         return _analytic(crystal, model, pairs)
     if reach is None:
-        if not hasattr(model, "stream"):
+        if not of_atc(model):
             raise AtcError(f"{type(model).__name__}: say how far its forces reach with reach=, e.g. twice its cutoff")
         reach = model.cutoff * (1.0 if pairs is not None else 2.0)
         if reach <= 0:
@@ -193,10 +193,8 @@ def force_constants(
 
 def _pair_terms(model):
     """The pair terms of a potential that is nothing but pair terms, or None."""
-    if not hasattr(model, "terms") or not model.terms:
-        return None
-
-    return model.terms if all(isinstance(t, Pairs) for t in model.terms) else None
+    terms = model.terms if of_atc(model) else ()
+    return terms if terms and all(isinstance(t, Pairs) for t in terms) else None
 
 
 def _analytic(crystal: Crystal, model, terms) -> ForceConstants:

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import pd
+from ..contracts import Micromodulus
 from ..errors import AtcError
 from ..frame import Cell
-from ..pd.sampling import check_moduli, long_waves
+from ..pd.sampling import check_moduli, dynamical_matrix, long_waves
 from .force_constants import signed_root
 from .peridynamic_kernels import CoarseLattice, Lattice, _unit
 
@@ -43,7 +44,7 @@ class Stencil:
         nodes' moduli are compared with the kernel's own (see `sampled_moduli`); they are warned about beyond 2 % and
         refused beyond 10 %. `check=False` is for looking at how the sum converges.
         """
-        if not hasattr(model, "kernel") or (len(model.crystal) > 1 and hasattr(model, "fc")):
+        if not isinstance(model, Micromodulus) or model.fields > 1:
             raise AtcError(f"{model.label}: expected a continuous kernel with one displacement field")
         m = int(np.floor(model.horizon / spacing * (1 + 1e-12)))
         n = np.stack(np.meshgrid(*(np.arange(-m, m + 1),) * 3, indexing="ij"), -1).reshape(-1, 3)
@@ -65,16 +66,14 @@ class Stencil:
         if isinstance(model, Lattice) and len(model.crystal) == 1:
             r, springs, vectors, mass = model.fc.r_bc, -model.fc.phi_bcc, model.crystal.vectors, model.crystal.masses[0]
         elif isinstance(model, CoarseLattice):
-            (r, springs), vectors, mass = model.springs(), model.crystal.vectors * model.basis.factor, model.basis.mass
+            (r, springs), vectors, mass = model.springs(), model.crystal.vectors * model.factor, model.basis.mass
         else:
             raise AtcError(f"{model.label}: expected a lattice with one node a cell")
         return cls(vectors, np.rint(r @ np.linalg.inv(vectors)).astype(int), springs, float(mass), model.label)
 
     def dynamical_matrix(self, k_kc) -> np.ndarray:
         """(k, 3, 3) exact for an infinite body of these nodes."""
-        k = np.atleast_2d(np.asarray(k_kc, float))
-        turns = 2 * np.sin(0.5 * k @ (self.offsets @ self.vectors).T) ** 2
-        return np.tensordot(turns, self.springs, axes=1) / self.mass
+        return dynamical_matrix(k_kc, self.offsets @ self.vectors, self.springs, self.mass)
 
     def radial_gradient(self, k_kc) -> np.ndarray:
         k = np.atleast_2d(np.asarray(k_kc, float))

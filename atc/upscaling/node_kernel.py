@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError
+from ..pd.sampling import dynamical_matrix
 from ..pd.voigt import BASIS, VOIGT, of_springs, to_voigt
 from .elasticity import ElasticConstants
 from .force_constants import ForceConstants, nearest_images, signed_root
@@ -46,9 +47,7 @@ class NodeKernel:
 
     def dynamical_matrix(self, k_kc) -> np.ndarray:
         """(k, 3, 3)"""
-        k = np.atleast_2d(np.asarray(k_kc, float))
-        phase = 2 * np.sin(0.5 * k @ (self.offsets_bc @ self.step_cc).T) ** 2
-        return np.tensordot(phase, self.springs_bcc, axes=1) / self.mass
+        return dynamical_matrix(k_kc, self.offsets_bc @ self.step_cc, self.springs_bcc, self.mass)
 
     def __call__(self, xi_bc) -> np.ndarray:
         """(b, 3, 3) C(ξ) = S/V²: what `pd.Linear` takes."""

@@ -17,14 +17,24 @@ from .elasticity import ElasticConstants
 from .force_constants import ForceConstants
 
 
-class _Periodic:
+class _Model:
+    """What the models of a crystal have in common."""
+
+    #: how many times coarser its nodes are than the crystal's cells
+    factor = 1
+    #: displacement fields: one, or one of each atom of the cell
+    fields = 1
+
+
+class Periodic(_Model):
     """Models whose D(k) is periodic, or unbounded, and tends to nothing."""
 
     def onsite_matrix(self):
+        """What D(k) tends to for short waves: nothing."""
         return None
 
 
-class Lattice(_Periodic):
+class Lattice(Periodic):
     """The crystal itself: discrete peridynamics with a node at every atom, its bonds those of the force constants."""
 
     label = "discrete, on the lattice"
@@ -40,7 +50,7 @@ class Lattice(_Periodic):
         return self.fc.gradient(k_kc, _unit(k_kc))
 
 
-class Classical(_Periodic):
+class Classical(Periodic):
     """The classical continuum, ω = c k: what every model tends to for long waves."""
 
     label = "classical"
@@ -57,7 +67,7 @@ class Classical(_Periodic):
         return 2 * self.elastic.christoffel(k) / np.linalg.norm(k, axis=1)[:, None, None]
 
 
-class MollifiedLattice:
+class MollifiedLattice(_Model):
     """Every bond of the lattice smeared out: C(ξ) = −(1/V) Σ_R Φ(R) g(ξ − R), ĝ(k) = e^{−x} Σ_{j≤p} x^j/j!, x = k²w²/2.
 
     Then D(k) = ĝ D_lattice + (1 − ĝ) D₀ with D₀ the on-site part, a mean of two positive semidefinite matrices: stable
@@ -76,6 +86,7 @@ class MollifiedLattice:
         self.crystal = fc.crystal
         self.label = "mollified lattice kernel"
         self.lattice = Lattice(fc)
+        self.fields = len(self.crystal)
 
     def transform(self, k):
         """ĝ at |k|."""
@@ -257,7 +268,7 @@ class KernelBasis:
         return (np.array(t)[:, None] * hats.T[None, :, :, None, None]).reshape(self.size, len(xi), 3, 3)
 
 
-class _Fitted:
+class _Fitted(_Model):
     """Matrices that are linear in fitted `coefficients` of a `basis`."""
 
     @property
@@ -277,7 +288,7 @@ class _Fitted:
 
 @dataclass
 class FittedKernel(_Fitted):
-    """A kernel with its coefficients: what `atc.upscaling.matching.fit_kernel` returns."""
+    """A kernel with its coefficients: what `atc.upscaling.fitting.fit_kernel` returns."""
 
     basis: KernelBasis
     coefficients: np.ndarray
@@ -354,12 +365,16 @@ class ShellBasis:
 
 
 @dataclass
-class CoarseLattice(_Periodic, _Fitted):
+class CoarseLattice(Periodic, _Fitted):
     """Nodes on a coarser lattice with fitted force constants; `basis` says which."""
 
     basis: ShellBasis
     coefficients: np.ndarray
     label: str = "coarse lattice"
+
+    @property
+    def factor(self) -> int:
+        return self.basis.factor
 
     def springs(self) -> tuple[np.ndarray, np.ndarray]:
         """(b, 3) bonds of a node and (b, 3, 3) their spring constants (energy/length²)."""

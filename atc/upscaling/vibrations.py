@@ -1,11 +1,5 @@
-"""Phonon frequencies of a crystal from a trajectory: by the ratio of velocities to displacements, and by spectra of
-currents.
-
-A mode of wave vector k has u_k = Σ √m u exp(−ik·R) over the ideal sites R. Harmonic motion obeys ⟨|v_k|²⟩ = ω² ⟨|u_k|²⟩
-whatever its amplitude, so no spectrum and no equipartition is needed; where eigenvectors are not known, ω² are the
-eigenvalues of ⟨v v†⟩ against ⟨u u†⟩. Time averages are tapered by a Hann window in each block, which removes the error
-of cutting a period; blocks give the error bars (jackknife).
-"""
+"""Phonon frequencies of a crystal from a trajectory, along rays: of its waves' `amplitudes`, what `estimates` makes of
+them, and lines and current spectra beside."""
 
 from __future__ import annotations
 
@@ -15,248 +9,16 @@ from itertools import product
 import numpy as np
 
 from ..errors import AtcError
-from ..readers.times import Clock
+from .amplitudes import amplitudes
 from .crystal import Crystal
-from .force_constants import frequency_unit, signed_root
+from .estimates import MIN_FRAMES, Estimate, by_ratio, by_spectrum, degenerate, spectra
+from .force_constants import frequency_unit
 from .lineshapes import Line, fit_line, spectral_energy_density
-from .sites import Sites, commensurate, different, find_sites, halved, of_one_run, shortest_contact, star
+from .sites import commensurate, different, halved, star
 from .zone import Segment, commensurate_on
 
-#: Fewer frames than this in a block make no spectrum; fewer cycles than this no frequency.
-MIN_FRAMES, MIN_CYCLES = 16, 3.0
 #: A misfit of a line that is said: of hundreds of independent frequencies it is 1 to a tenth or so.
 OTHER_SHAPE = 1.5
-
-
-@dataclass
-class Amplitudes:
-    """Mass-weighted amplitudes of the waves of a run.
-
-    k_kc : (k, 3) wave vectors. u_tkx, v_tkx : (frames, k, 3n) complex; displacements from the ideal sites and
-        velocities. dt : internal, or None.
-    """
-
-    sites: Sites
-    k_kc: np.ndarray
-    u_tkx: np.ndarray
-    v_tkx: np.ndarray
-    dt: float | None
-    temperature: float
-    source: str
-    notes: list = field(default_factory=list)
-
-
-def amplitudes(traj, crystal: Crystal, wave_vectors, *, timestep: float | None = None) -> Amplitudes:
-    """Project a trajectory on waves, frame by frame.
-
-    Parameters
-    ----------
-    traj : frames with velocities and masses; the box may breathe (displacements are then taken relative to it)
-    crystal : Crystal
-    wave_vectors : function Sites → (k, 3) wave vectors
-    timestep : time of one step in the user's unit, for dumps that give steps only
-
-    Raises
-    ------
-    AtcError for missing velocities or masses, atoms that leave their sites, a box that does not fit, steps or times
-    that repeat or go back.
-    """
-    first, frames = of_one_run(traj)
-    first.require("velocities", "masses", why="the dispersion from a trajectory")
-    sites = find_sites(first, crystal)
-    crystal = sites.crystal
-    if np.abs(first.masses - crystal.masses[sites.basis]).max() > 1e-6 * crystal.masses.max():
-        raise AtcError(
-            f"{first.source}: the masses of the atoms differ from those of {crystal.name}: give the same in both"
-        )
-    k = np.asarray(wave_vectors(sites), float).reshape(-1, 3)
-    n = len(crystal)
-    order = np.argsort(sites.basis, kind="stable")
-    phase = np.exp(-1j * (k @ sites.sites[order].T)).reshape(len(k), n, -1) / np.sqrt(sites.cells)
-    root = np.sqrt(first.masses)[:, None]
-    nearest = shortest_contact(sites)
-    u_all, v_all, kinetic, cells = [], [], [], []
-    clock = Clock("a dispersion from a run", gaps=False)
-    inv0 = np.linalg.inv(sites.cell)
-    drift = np.zeros(3)
-
-    def project(a):
-        a = (root * a)[order].reshape(n, -1, 3)
-        return np.einsum("kbm,bmc->kbc", phase, a, optimize=True).reshape(len(k), 3 * n)
-
-    for frame in frames:
-        frame.require("velocities", why="the dispersion from a trajectory")
-        if not clock.follows(frame):
-            continue
-        x = (frame.positions - frame.cell.origin) @ frame.cell.inverse @ sites.cell
-        # The crystal may drift as a whole, through the box if it likes: it is looked for where it was the frame before.
-        u = x - sites.sites - drift
-        s = u @ inv0
-        u = (s - np.rint(s)) @ sites.cell
-        moved = u.mean(axis=0)
-        u -= moved
-        drift = drift + moved
-        far = np.sqrt((u**2).sum(axis=1))
-        if far.max() > 0.5 * nearest:
-            bad, u = int(np.argmax(far)), frame.units
-            away = f"{u.to_user('length', far[bad]):.3g} {u.label('length')}"
-            why = "the crystal has melted or atoms have changed places; take earlier frames"
-            raise AtcError(f"{frame.source}: atom {frame.ids[bad]} is {away} from its site: {why}")
-        v = frame.velocities - np.average(frame.velocities, axis=0, weights=frame.masses)
-        u_all.append(project(u))
-        v_all.append(project(v))
-        kinetic.append((frame.masses[:, None] * v**2).sum() / (3 * (len(frame) - 1) * frame.units.boltzmann))
-        cells.append(frame.cell.vectors)
-    notes = list(clock.notes)
-    swing = np.abs(np.array(cells) - sites.cell).max() / np.abs(sites.cell).max()
-    if swing > 1e-6:
-        notes.append(
-            f"the box changes by up to {100 * swing:.2g} % during the run: wave vectors are those of the first frame"
-        )
-    dt, why = _interval(clock, timestep, first.units)
-    if dt is None:
-        notes.append(f"no spectra: {why}")
-    return Amplitudes(sites, k, np.array(u_all), np.array(v_all), dt, float(np.mean(kinetic)), first.source, notes)
-
-
-def _interval(clock: Clock, timestep, units):
-    """(time between frames, "") or (None, why not)."""
-    if clock.count < 2:
-        return None, "there is one frame only"
-    dt = clock.spacing(None if timestep is None else units.to_internal("time", timestep))
-    if dt is None:
-        return None, "the frames have no times; say the time of a step with timestep in [dispersion]"
-    if clock.gap:
-        return None, f"the frames are not equally spaced in time: {clock.gap}"
-    return float(dt), ""
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Frequencies.
-
-
-@dataclass
-class Estimate:
-    """Frequencies (internal ω) with standard errors, ascending, at one wave vector; NaN where none could be had. `why`
-    says why not."""
-
-    omega: np.ndarray
-    error: np.ndarray
-    why: str = ""
-
-
-def _windows(frames: int, blocks: int):
-    """Slices of equal blocks, and the Hann weights of one."""
-    length = frames // blocks
-    weights = np.hanning(length + 2)[1:-1] if length else np.zeros(0)
-    return [slice(b * length, (b + 1) * length) for b in range(blocks)], weights
-
-
-def by_ratio(u_stx, v_stx, vectors_sxm=None, blocks: int = 5, groups=None) -> Estimate:
-    """ω of each mode from √(⟨|v|²⟩/⟨|u|²⟩), over equivalent wave vectors s.
-
-    Parameters
-    ----------
-    u_stx, v_stx : (s, t, 3n) complex amplitudes
-    vectors_sxm : (s, 3n, 3n) eigenvectors (columns) to project on, e.g. of the harmonic crystal; None: the generalised
-        eigenproblem
-        ⟨v v†⟩ e = ω² ⟨u u†⟩ e
-    blocks : pieces of the run; their jackknife gives the error
-    groups : (3n,) ints: modes of one number are degenerate and looked at together, each with the weight of its energy;
-        with `vectors_sxm` only
-    """
-    modes, frames = u_stx.shape[2], u_stx.shape[1]
-    parts, w = _windows(frames, blocks)
-    need = max(4, 0 if vectors_sxm is not None else modes)
-    if blocks < 2 or len(w) < need:
-        empty = np.full(modes, np.nan)
-        return Estimate(empty, empty, f"{frames} frames in {blocks} blocks are too few: {need} a block at least")
-    u = u_stx - u_stx.mean(axis=1, keepdims=True)
-    if vectors_sxm is not None:
-        um, vm = (np.einsum("sxm,stx->stm", vectors_sxm.conj(), a, optimize=True) for a in (u, v_stx))
-        U = _pooled(np.array([np.einsum("t,stm->m", w, np.abs(um[:, p]) ** 2) for p in parts]), groups)
-        V = _pooled(np.array([np.einsum("t,stm->m", w, np.abs(vm[:, p]) ** 2) for p in parts]), groups)
-        return Estimate(*jackknife(lambda which: np.sqrt(V[which].sum(axis=0) / U[which].sum(axis=0)), blocks))
-    from scipy.linalg import eigh
-
-    U, V = (
-        np.array([np.einsum("t,stx,sty->sxy", w, a[:, p], a[:, p].conj(), optimize=True) for p in parts])
-        for a in (u, v_stx)
-    )
-
-    def solve(which):
-        return np.mean(
-            [signed_root(eigh(b, a, eigvals_only=True)) for a, b in zip(U[which].sum(axis=0), V[which].sum(axis=0))],
-            axis=0,
-        )
-
-    return Estimate(*jackknife(solve, blocks))
-
-
-def _pooled(x, groups):
-    """Sums over the groups of the last axis, given back to each member."""
-    if groups is None:
-        return x
-    same = np.asarray(groups)[:, None] == np.asarray(groups)[None, :]
-    return x @ same.astype(float)
-
-
-def degenerate(values) -> np.ndarray:
-    """Group numbers of ascending values that are equal to 1e-6 of the largest."""
-    return np.concatenate([[0], np.cumsum(np.diff(values) > 1e-6 * np.abs(values).max())])
-
-
-def jackknife(statistic, blocks: int):
-    """Value and standard error of ``statistic(indices of blocks)``, leaving out one block at a time."""
-    everything = np.arange(blocks)
-    value = statistic(everything)
-    without = np.array([statistic(np.delete(everything, b)) for b in range(blocks)])
-    return value, np.sqrt((blocks - 1) / blocks * ((without - without.mean(axis=0)) ** 2).sum(axis=0))
-
-
-def spectra(v_stm, dt: float, blocks: int = 5, pad: int = 4):
-    """Power spectra of complex series, blocks tapered by a Hann window, +ω and −ω added.
-
-    Parameters
-    ----------
-    v_stm : (s, t, m). Returns ω (f,) and power (blocks, f, m), summed over s.
-    """
-    parts, w = _windows(v_stm.shape[1], blocks)
-    n = pad * len(w)
-    out = []
-    for p in parts:
-        f = np.abs(np.fft.fft(v_stm[:, p] * w[None, :, None], n=n, axis=1)) ** 2
-        half = n // 2 + 1
-        folded = f[:, :half].copy()
-        folded[:, 1:half] += f[:, ::-1][:, : half - 1]
-        out.append(folded.sum(axis=0))
-    return 2 * np.pi * np.arange(n // 2 + 1) / (n * dt), np.array(out)
-
-
-def by_spectrum(v_stm, dt: float, blocks: int = 5, groups=None) -> Estimate:
-    """ω of the highest peak of each mode's spectrum, by a parabola through the logarithm of the peak's three highest
-    points (for a Hann window good to a hundredth of the block's resolution)."""
-    modes, frames = v_stm.shape[2], v_stm.shape[1]
-    empty = np.full(modes, np.nan)
-    length = frames // blocks
-    if blocks < 2 or length < MIN_FRAMES:
-        why = f"{frames} frames in {blocks} blocks are too few for a spectrum: {MIN_FRAMES} a block at least"
-        return Estimate(empty, empty, why)
-    omega, power = spectra(v_stm, dt, blocks)
-    power = _pooled(power, groups)
-
-    def peaks(which):
-        P = power[which].sum(axis=0)
-        at = np.clip(np.argmax(P[1:-1], axis=0) + 1, 1, len(P) - 2)
-        m = np.arange(modes)
-        a, b, c = (np.log(np.maximum(P[at + d, m], 1e-300)) for d in (-1, 0, 1))
-        curve = a - 2 * b + c
-        return (at + np.where(curve < 0, 0.5 * (a - c) / np.where(curve < 0, curve, 1.0), 0.0)) * omega[1]
-
-    value, error = jackknife(peaks, blocks)
-    slow = value * length * dt < 2 * np.pi * MIN_CYCLES
-    why = f"a block holds fewer than {MIN_CYCLES:g} periods of the slowest modes" if slow.any() else ""
-    return Estimate(np.where(slow, np.nan, value), np.where(slow, np.nan, error), why)
 
 
 @dataclass
@@ -296,6 +58,10 @@ class Measured:
     sed_kf: np.ndarray | None = None
     lines_km: list | None = None
     shape: str | None = None
+
+    def line(self, name: str) -> np.ndarray:
+        """(k, 3n) a number of every fitted line, by its name in `lineshapes.Line`."""
+        return np.array([[getattr(x, name) for x in row] for row in self.lines_km])
 
 
 def measure(

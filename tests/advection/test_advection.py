@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from atc.advection.equation import FLUXES, KERNELS, Kernel, _burgers, _by_fft, _by_stencil, advect, find_shocks
+from atc.advection.equation import FLUXES, _by_fft, _by_stencil, advect
+from atc.advection.kernel import KERNELS, Kernel
 from atc.advection.reference import cole_hopf, hopf_lax
+from atc.advection.solution import burgers_flux, find_shocks
 from atc.cli import app
 from atc.config.formula import formula
 from atc.errors import AtcError
@@ -37,9 +39,9 @@ def naive(u, kernel, psi, two_point):
 def test_sums(shape, two_point):
     kernel = Kernel(shape, 0.11, 1 / 64)
     u = np.random.default_rng(5).normal(size=64)
-    transport, smooth = naive(u, kernel, _burgers, two_point)
+    transport, smooth = naive(u, kernel, burgers_flux, two_point)
     for make in (_by_fft, _by_stencil):
-        flux, laplace = make(kernel, 64, _burgers, two_point, True)
+        flux, laplace = make(kernel, 64, burgers_flux, two_point, True)
         np.testing.assert_allclose(flux(u), transport, rtol=1e-12, atol=1e-12 * np.abs(transport).max())
         np.testing.assert_allclose(laplace(u), smooth, rtol=1e-12, atol=1e-12 * np.abs(smooth).max())
     cubic = lambda v: v**3 / 3 + v  # noqa: E731
@@ -68,7 +70,7 @@ def test_moments_mass_and_energy_of_the_sums(shape, horizon, two_point, seed):
         kernel.diffusion_symbol(k)
     ) == pytest.approx(k * k, rel=1e-6)
     u = np.random.default_rng(seed).normal(size=300)
-    transport, smooth = _by_stencil(kernel, 300, _burgers, two_point, True)
+    transport, smooth = _by_stencil(kernel, 300, burgers_flux, two_point, True)
     f, s = transport(u), smooth(u)
     assert abs(f.sum()) < 1e-13 * np.abs(f).sum() and abs(s.sum()) < 1e-13 * np.abs(s).sum()
     assert u @ s < 0
@@ -370,9 +372,9 @@ def test_two_kernels(own, two_point):
     theirs = Kernel("box" if own[0] is None else own[0], own[1] or 0.11, 1 / 64)
     np.testing.assert_array_equal(kernel.even_m[: theirs.neighbors], theirs.even_m)
     u = np.random.default_rng(5).normal(size=64)
-    transport, smooth = naive(u, kernel, _burgers, two_point)
+    transport, smooth = naive(u, kernel, burgers_flux, two_point)
     for make in (_by_fft, _by_stencil):
-        flux, laplace = make(kernel, 64, _burgers, two_point, True)
+        flux, laplace = make(kernel, 64, burgers_flux, two_point, True)
         np.testing.assert_allclose(flux(u), transport, atol=1e-12 * np.abs(transport).max())
         np.testing.assert_allclose(laplace(u), smooth, atol=1e-12 * np.abs(smooth).max())
     run = advect(WAVE(np.arange(64) / 64), kernel, duration=0.3, viscosity=0.02, two_point=two_point, times=4)

@@ -42,7 +42,7 @@ def test_sums_in_parts_are_the_sums(monkeypatch, name, compat):
     for end in (f.i, f.j):
         np.add.at(stress, end, -0.5 * f.r_bc[:, :, None] * f.F_bc[:, None, :] / body.V_n[end][:, None, None])
     np.testing.assert_allclose(nodal_stress(sim), stress, rtol=1e-12, atol=1e-14)
-    monkeypatch.setattr("atc.pd.materials.base.AT_ONCE", 1000)
+    monkeypatch.setattr("atc.pd.materials.force_model.AT_ONCE", 1000)
     assert len(body.bonds) > 5000
     np.testing.assert_allclose(values(), whole, rtol=1e-12, atol=1e-14)
 

@@ -7,7 +7,7 @@ from atc import pd
 from atc.cases.case import Case
 from atc.errors import AtcError
 from atc.frame import Cell
-from atc.pd.materials.base import critical_work
+from atc.pd.materials.influence import critical_work
 
 K, G, GC = 1.3, 0.8, 0.05
 MATERIALS = {

@@ -194,7 +194,7 @@ def test_averages_over_unequal_distances_say_so():
 def test_dispersion():
     """Spectra need equal distances and say which frame is out of step; steps that go back are refused, a frame written
     twice is left out."""
-    from atc.upscaling.vibrations import amplitudes
+    from atc.upscaling.amplitudes import amplitudes
 
     crystal = atc.Crystal.cubic("fcc", 1.6, [1.0], "lj")
 

@@ -10,7 +10,7 @@ from atc.errors import AtcError
 from atc.frame import Cell, Frame
 from atc.twins.body import body_of_atoms
 from atc.twins.linear import LatticeSprings, linear, wave_constants
-from atc.upscaling.matching import fit_kernel
+from atc.upscaling.fitting import fit_kernel
 from atc.upscaling.node_kernel import condensed, node_kernel
 
 

@@ -99,7 +99,7 @@ def test_influence(tmp_path):
 
 
 def test_influence_of_other_materials():
-    from atc.pd.materials.base import of_vector
+    from atc.pd.materials.influence import of_vector
     from atc.twins.choice import _influence
     from atc.units import units
 

@@ -159,11 +159,13 @@ def test_springs_report(tmp_path):
 
 def test_springs_report_without_the_large_runs(tmp_path):
     """The parts of the report that need no chain of 100,001 nodes."""
-    from atc.upscaling.reports import springs as parts
     from atc.upscaling.reports.report import Report
+    from atc.upscaling.reports.springs_coarse import coarse
+    from atc.upscaling.reports.springs_series import series, stability
+    from atc.upscaling.reports.springs_waves import local_nonlocal
 
     report = Report("parts", tmp_path / "r")
-    for part in (parts._series, parts._stability, parts._local_nonlocal, parts._coarse):
+    for part in (series, stability, local_nonlocal, coarse):
         part(report)
     report.write()
     numbers = json.loads((tmp_path / "r" / "numbers.json").read_text())

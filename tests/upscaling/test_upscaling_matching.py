@@ -9,7 +9,9 @@ from crystals import MASS, constants, crystal, elastic
 from crystals import model as argon
 
 from atc.errors import AtcError, AtcWarning
+from atc.upscaling.branches import branch_values, cubic_branches
 from atc.upscaling.crystal import Crystal
+from atc.upscaling.fitting import LeastSquares, fit_coarse, fit_kernel
 from atc.upscaling.force_constants import force_constants, signed_root
 from atc.upscaling.linear_body import (
     LinearBody,
@@ -19,15 +21,7 @@ from atc.upscaling.linear_body import (
     sampled_moduli,
     wave_packet,
 )
-from atc.upscaling.matching import (
-    LeastSquares,
-    branch_values,
-    cubic_branches,
-    fit_coarse,
-    fit_kernel,
-    make_model,
-    match,
-)
+from atc.upscaling.matching import make_model, match
 from atc.upscaling.peridynamic_kernels import FittedKernel, KernelBasis, Lattice, MollifiedLattice, one_minus_sinc
 
 G = 2 * np.pi / 5.268651641904
@@ -91,7 +85,7 @@ def test_stable_everywhere(name):
 
 def test_positivity_has_a_price_and_is_needed():
     """Without it the same fit has waves that grow."""
-    from atc.upscaling.matching import fit_linear, target_of, wave_vectors
+    from atc.upscaling.fitting import fit_linear, target_of, wave_vectors
 
     basis = fitted("cubic")[0].basis
     free = FittedKernel(basis, fit_linear(basis, target_of(constants("argon"))))

@@ -1,9 +1,11 @@
 """Materials of peridynamic bodies, one file each. `MATERIALS` is the table over which every invariance test loops."""
 
-from .base import INFLUENCE, BondForces, Material
+from .base import Material
 from .bond_associated import BondAssociated
 from .correspondence import Correspondence
+from .force_model import BondForces
 from .hyperelastic import Hyperelastic
+from .influence import INFLUENCE
 from .linear import Linear
 from .lps import LPS, Elastic
 from .plastic import Plastic

@@ -22,7 +22,9 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..bonds import HORIZON_SLACK
 from ..lanes import INLINE, C, gather
-from .base import AT_ONCE, BondForces, ForceModel, Isotropic, deformed
+from .base import Isotropic
+from .force_model import AT_ONCE, BondForces, ForceModel, deformed
+from .rows import lengthened, note
 from .shared_families import find_runs, moments, order, states, stiff_rows
 
 # The share that must be left of the smallest moment of a bond's family, or that end of the bond has no energy any more.
@@ -55,10 +57,6 @@ class BondAssociated(Isotropic):
         super().__init__(bulk, shear, youngs=youngs, poisson=poisson)
         self.influence, self.volume_correction = influence, bool(volume_correction)
 
-    @staticmethod
-    def model(*args, **options):
-        return BondAssociatedModel(*args, **options)
-
 
 class BondAssociatedModel(ForceModel):
     """Every bond b has two ends, 2b at i and 2b + 1 at j, with a family each. An end whose intact family no longer
@@ -67,9 +65,7 @@ class BondAssociatedModel(ForceModel):
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
         self.refuse_interfaces(interfaces)
-        lame = {id(m): m.lame(body) for m in materials.values()}
-        self.lam_n = self.per_node(lambda m: lame[id(m)][0])
-        self.mu_n = self.per_node(lambda m: lame[id(m)][1])
+        self.lam_n, self.mu_n = self.lame_n()
         self.W_b = self.weights()
         t = self.table
         self._i_b = t.i_b
@@ -90,9 +86,7 @@ class BondAssociatedModel(ForceModel):
 
     def _at_rest(self):
         """The moments at rest, which later ones are held to."""
-        rest = np.zeros((self.n, 8))
-        rest[:, 3:6] = self.body.X_nc
-        self._rest = rest
+        self._rest = rest = self.at_rest()
         self._find_runs(rest)
         self._shape(rest, np.ones(len(self.table), np.uint8), first=True)
         node = np.repeat(np.arange(self.n), np.diff(self.first_n))
@@ -194,9 +188,8 @@ class BondAssociatedModel(ForceModel):
         self._states(z, intact_b, True)
         self._intact = intact_b
         rows = self.standing(intact_b, self.table.r0_b)
-        F = self.F_bc if rows.bond_b is None else self.F_bc[rows.bond_b]
-        data = (*rows.columns, F)
-        return self.account(z, rows.broke(self.pull(rows, gather, _row, z, data, F_nc, smin_n, damage)))
+        data = (*rows.columns, self.F_bc[rows.walked])
+        return self.walk(z, rows, gather, _row, data, F_nc, smin_n, damage)
 
     def lost(self, z, which):
         """The difference of the energies of the bonds' ends before and after."""
@@ -241,6 +234,9 @@ class BondAssociatedModel(ForceModel):
         return 0.5 * (own_n + self.table.sums(across_e[1::2], across_e[0::2]))
 
 
+BondAssociated.model = BondAssociatedModel
+
+
 # Where the six numbers of a symmetric tensor stand in its nine.
 _FULL = [0, 5, 4, 5, 1, 3, 4, 3, 2]
 
@@ -251,17 +247,11 @@ def _row(m, b0, i, node, w, v, intact, data):
     r0, F = data
     for k in range(m):
         b = np.uint64(b0) + np.uint64(k)
-        ex = w[k]
-        ey = w[C + k]
-        ez = w[2 * C + k]
-        t = ex * (2.0 * w[3 * C + k] + ex) + ey * (2.0 * w[4 * C + k] + ey) + ez * (2.0 * w[5 * C + k] + ez)
         L = r0[b]
-        r2 = L * L + t
-        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        t, r = lengthened(k, w, L)
         s = t / ((r + L) * L)
         whole = intact[b] != 0
         w[k] = F[b, 0] if whole else 0.0
         w[C + k] = F[b, 1] if whole else 0.0
         w[2 * C + k] = F[b, 2] if whole else 0.0
-        w[6 * C + k] = s if whole else np.inf
-        w[7 * C + k] = s if whole else -np.inf
+        note(k, w, s, whole)

@@ -15,7 +15,9 @@ from ...compiled import njit
 from ..blocks import collect
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
-from .base import BondForces, ForceModel, Isotropic, deformed
+from .base import Isotropic
+from .force_model import BondForces, ForceModel, deformed
+from .rows import lengthened, note
 
 # The share that must be left of a family's smallest moment (the smallest eigenvalue of K), or its node exerts no force
 # any more.
@@ -52,10 +54,6 @@ class Correspondence(Isotropic):
         self.stabilisation = float(stabilisation)
         self.influence, self.volume_correction = influence, bool(volume_correction)
 
-    @staticmethod
-    def model(*args, **options):
-        return CorrespondenceModel(*args, **options)
-
 
 class CorrespondenceModel(ForceModel):
     """Forces of correspondence materials. A node whose intact bonds no longer span the dimension, or hardly (`LEAST`),
@@ -64,12 +62,10 @@ class CorrespondenceModel(ForceModel):
     def __init__(self, body, materials, crew, rules=None, lammps_compat=False, interfaces=None):
         super().__init__(body, materials, crew, rules, lammps_compat)
         self.refuse_interfaces(interfaces)
-        lame = {id(m): m.lame(body) for m in materials.values()}
-        self.lam_n = self.per_node(lambda m: lame[id(m)][0])
-        self.mu_n = self.per_node(lambda m: lame[id(m)][1])
+        self.lam_n, self.mu_n = self.lame_n()
         self.W_b = self.weights()
         d = body.dimension
-        stiff = self.per_node(lambda m: m.stabilisation * d * (d + 2) * lame[id(m)][1])
+        stiff = self.per_node(lambda m: m.stabilisation * d * (d + 2)) * self.mu_n
         M = self.table.sums(self.W_b * self.table.r0_b**2)
         self.g_n = np.divide(stiff * body.V_n, M, out=np.zeros(self.n), where=M > 0)
         self.tensor_buf = self.blocks.buffer(9)
@@ -196,9 +192,7 @@ class CorrespondenceModel(ForceModel):
     def stiffness_n(self):
         """Row sums of the linearised stiffness: node k's stress couples its whole family, |Q| ≤ (λ + 2μ) V K⁻¹ Σ W|ξ|
         |K⁻¹|."""
-        rest = np.zeros((self.n, 8))
-        rest[:, 3:6] = self.body.X_nc
-        t = self.table
+        rest, t = self.at_rest(), self.table
         self._shape(rest, np.ones(len(t), np.uint8))
         self.counts = None
         K = self.K_ncc.reshape(-1, 3, 3)[:, : self.body.dimension, : self.body.dimension]
@@ -214,20 +208,20 @@ class CorrespondenceModel(ForceModel):
 
         for b in self.parts():
             i, j, pi, pj = pulls(b)
-            total += np.bincount(i, np.linalg.norm(pi, axis=1), n) + np.bincount(j, np.linalg.norm(pj, axis=1), n)
+            total += self.at_ends(i, j, np.linalg.norm(pi, axis=1), np.linalg.norm(pj, axis=1))
             for c in range(3):
-                vector[:, c] += np.bincount(i, pi[:, c], n) - np.bincount(j, pj[:, c], n)
+                vector[:, c] += self.at_ends(i, j, pi[:, c], -pj[:, c])
             # Stabilisation: W (g_i + g_j)|η|² at most, since removing Fξ only lowers it.
-            g = self.W_b[b] * (self.g_n[i] + self.g_n[j])
-            hold += np.bincount(i, g, n) + np.bincount(j, g, n)
+            hold += self.at_ends(i, j, self.W_b[b] * (self.g_n[i] + self.g_n[j]))
         own = np.linalg.norm(vector, axis=1)
         every = modulus * (total + own)
         for b in self.parts():
             i, j, pi, pj = pulls(b)
-            across += np.bincount(j, np.linalg.norm(pi, axis=1) * every[i], n) + np.bincount(
-                i, np.linalg.norm(pj, axis=1) * every[j], n
-            )
+            across += self.at_ends(j, i, np.linalg.norm(pi, axis=1) * every[i], np.linalg.norm(pj, axis=1) * every[j])
         return 0.5 * (own * every + across) + hold
+
+
+Correspondence.model = CorrespondenceModel
 
 
 @njit(**JIT)
@@ -323,22 +317,16 @@ def _row(m, b0, i, node, w, q, intact, data):
         q[9 * C + k] = g_n[n] + g_n[i]
     for k in range(m):
         b = np.uint64(b0) + np.uint64(k)
-        ex = w[k]
-        ey = w[C + k]
-        ez = w[2 * C + k]
-        x = w[3 * C + k]
-        y = w[4 * C + k]
-        z = w[5 * C + k]
-        t = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
         L = r0[b]
-        r2 = L * L + t
-        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        t, r = lengthened(k, w, L)
         s = t / ((r + L) * L)
         whole = intact[b] != 0
         a = W[b] if whole else 0.0
         g = q[9 * C + k]
-        w[k] = a * (q[k] * x + q[C + k] * y + q[2 * C + k] * z + g * ex)
-        w[C + k] = a * (q[3 * C + k] * x + q[4 * C + k] * y + q[5 * C + k] * z + g * ey)
-        w[2 * C + k] = a * (q[6 * C + k] * x + q[7 * C + k] * y + q[8 * C + k] * z + g * ez)
-        w[6 * C + k] = s if whole else np.inf
-        w[7 * C + k] = s if whole else -np.inf
+        x = w[3 * C + k]
+        y = w[4 * C + k]
+        z = w[5 * C + k]
+        w[k] = a * (q[k] * x + q[C + k] * y + q[2 * C + k] * z + g * w[k])
+        w[C + k] = a * (q[3 * C + k] * x + q[4 * C + k] * y + q[5 * C + k] * z + g * w[C + k])
+        w[2 * C + k] = a * (q[6 * C + k] * x + q[7 * C + k] * y + q[8 * C + k] * z + g * w[2 * C + k])
+        note(k, w, s, whole)

@@ -41,10 +41,6 @@ class Hyperelastic(Isotropic):
         self.stabilisation = float(stabilisation)
         self.influence, self.volume_correction = influence, bool(volume_correction)
 
-    @staticmethod
-    def model(*args, **options):
-        return HyperelasticModel(*args, **options)
-
 
 class HyperelasticModel(CorrespondenceModel):
     """The force state of correspondence with the stress that a law P(F) gives."""
@@ -75,3 +71,6 @@ class HyperelasticModel(CorrespondenceModel):
         # The Voigt matrix in an orthonormal basis: no plane wave is stiffer than its largest eigenvalue.
         scale = np.sqrt([1.0, 1, 1, 2, 2, 2])
         return self.per_node(lambda m: np.linalg.eigvalsh(np.asarray(m.law.moduli_vv) * np.outer(scale, scale)).max())
+
+
+Hyperelastic.model = HyperelasticModel

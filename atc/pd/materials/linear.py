@@ -6,10 +6,12 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
+from ...contracts import BondSprings, Micromodulus
 from ...errors import AtcError
 from ..bonds import JIT
-from ..sampling import check_moduli
-from .base import BondForces, ForceModel, Material, deformed
+from ..sampling import check_moduli, dynamical_matrix
+from .base import Material
+from .force_model import BondForces, ForceModel, deformed
 
 # Bonds whose springs are asked of the kernel at once.
 _AT_ONCE = 200_000
@@ -23,8 +25,8 @@ class Linear(Material):
 
     Parameters
     ----------
-    micromodulus : function of ξ (b, 3) → (b, 3, 3) symmetric, C(ξ) = C(−ξ), force per length and volume²; or an object
-        with ``springs(body)`` → (b, 3, 3), the spring constant of every bond of ``body.bonds``; or a kernel of
+    micromodulus : function of ξ (b, 3) → (b, 3, 3) symmetric, C(ξ) = C(−ξ), force per length and volume²; or
+        `contracts.BondSprings`, which has ``springs(body)``; or a `contracts.Micromodulus`, as the kernels of
         `atc.upscaling` (``kernel``, ``dynamical_matrix``), whose stiffness for long waves the nodes are held to: a
         warning beyond 2 %, an error beyond 10 %
     cutoff : C counts as 0 beyond it; None: as far as the body's horizon
@@ -36,7 +38,7 @@ class Linear(Material):
     volume_correction = False
 
     def __init__(self, micromodulus, cutoff: float | None = None, volume_correction: bool = False):
-        if not (callable(micromodulus) or hasattr(micromodulus, "springs") or hasattr(micromodulus, "kernel")):
+        if not (callable(micromodulus) or isinstance(micromodulus, BondSprings | Micromodulus)):
             raise AtcError(
                 f"linear: micromodulus must be a function of the bond vectors (b, 3), got {type(micromodulus).__name__}"
             )
@@ -47,10 +49,6 @@ class Linear(Material):
 
     def contact_micromodulus(self, body):
         raise AtcError("linear: this material knows no contact")
-
-    @property
-    def model(self):
-        return LinearModel
 
 
 class LinearModel(ForceModel):
@@ -64,10 +62,10 @@ class LinearModel(ForceModel):
             raise AtcError("linear: a body of this material has one material and no interfaces")
         t, first = self.table, self.first
         law = first.micromodulus
-        if hasattr(law, "springs"):
+        if isinstance(law, BondSprings):
             self.S_bcc = np.array(law.springs(body), float)
         else:
-            self.S_bcc = self._sampled(law.kernel if hasattr(law, "kernel") else law)
+            self.S_bcc = self._sampled(law.kernel if isinstance(law, Micromodulus) else law)
         if self.S_bcc.shape != (len(t), 3, 3):
             raise AtcError(
                 f"linear: micromodulus gave shape {self.S_bcc.shape} for {len(t)} bonds, expected ({len(t)}, 3, 3)"
@@ -80,7 +78,7 @@ class LinearModel(ForceModel):
             raise AtcError(
                 "linear: the micromodulus must be a symmetric tensor, or the body would gain energy in cycles"
             )
-        if hasattr(law, "kernel") and hasattr(law, "dynamical_matrix"):
+        if isinstance(law, Micromodulus):
             _require_moduli(body, self.S_bcc, law)
         self._i_b = t.i_b
         self._image_b = t.image_b.astype(np.int64) if len(t.image_b) else np.zeros(len(t), np.int64)
@@ -109,7 +107,7 @@ class LinearModel(ForceModel):
     def energy_n(self, z, intact_b):
         i, j, eta_bc, *_ = deformed(self, z)
         half = 0.25 * np.einsum("bi,bij,bj->b", eta_bc, self.S_bcc, eta_bc)
-        return np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
+        return self.at_ends(i, j, half)
 
     def forces_of_bonds(self, z, intact_b, bonds) -> BondForces:
         i, j, eta_bc, xi_bc, *_ = deformed(self, z, bonds)
@@ -127,6 +125,9 @@ class LinearModel(ForceModel):
         return self.table.sums(size)
 
 
+Linear.model = LinearModel
+
+
 def _require_moduli(body, S_bcc, kernel):
     """Hold the stiffness of long waves, as the node with the largest family has it, to the kernel's own."""
     t = body.bonds
@@ -138,10 +139,7 @@ def _require_moduli(body, S_bcc, kernel):
     xi, S = t.xi_bc(body.X_nc)[mine], S_bcc[mine] * ends[mine, None, None]
     mass = body.rho_n[node] * body.V_n[node]
 
-    def sampled(k_kc):
-        return np.tensordot(2 * np.sin(0.5 * k_kc @ xi.T) ** 2, S, axes=1) / mass
-
-    check_moduli(sampled, kernel, body.spacing)
+    check_moduli(lambda k_kc: dynamical_matrix(k_kc, xi, S, mass), kernel, body.spacing)
 
 
 @njit(**JIT)

@@ -18,8 +18,10 @@ from ..blocks import node_rows
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather, gather_positions
 from ..surface import moment_factors
-from .base import ForceModel, Isotropic, along_bonds, critical_work, deformed, influence_function
-from .rows import eights
+from .base import Isotropic
+from .force_model import ForceModel, along_bonds, deformed
+from .influence import critical_work, influence_function
+from .rows import eights, lengthened, note
 
 
 class LPS(Isotropic):
@@ -59,10 +61,6 @@ class LPS(Isotropic):
         self.surface_correction = surface_correction
         if surface_correction not in (None, "energy"):
             raise AtcError(f'surface_correction must be None or "energy", got {surface_correction!r}')
-
-    @staticmethod
-    def model(*args, **options):
-        return StateModel(*args, **options)
 
 
 class Elastic(LPS):
@@ -105,10 +103,8 @@ class StateModel(ForceModel):
         super().__init__(body, materials, crew, rules, lammps_compat)
         t = self.table
         d = body.dimension
-        lame = {m: materials[m].lame(body) for m in self.ids}
-        by = {id(materials[m]): lame[m] for m in self.ids}
-        self.a_n = self.per_node(lambda m: d**2 * (by[id(m)][0] - by[id(m)][1]))
-        self.b_n = self.per_node(lambda m: d * (d + 2) * by[id(m)][1])
+        lam_n, mu_n = self.lame_n()
+        self.a_n, self.b_n = d**2 * (lam_n - mu_n), d * (d + 2) * mu_n
         self.W_b = self.weights()
         if self.first.surface_correction is not None:
             if lammps_compat:
@@ -133,8 +129,8 @@ class StateModel(ForceModel):
         self.scalar_buf = np.empty(len(self.buf))
         self.e_b = np.zeros(len(t))
         self.y_nk = node_rows(self.n)
-        # Extensions of bonds at rest, and Σ W |ξ| of them over each node's intact bonds; None without a temperature.
-        self.rest_b = self.rest_S_n = None
+        # Σ W |ξ| of the extensions at rest (`rest_b`) over each node's intact bonds.
+        self.rest_S_n = None
         self._rest_of = None, -1
         self.history = None
         if self.rule.Gc is not None:
@@ -155,7 +151,7 @@ class StateModel(ForceModel):
         gone = super().pull(rows, gather, law, z, data, F_nc, smin_n, damage)
         if self.rule.Gc is None:
             return gone
-        H, walked = self.history, slice(None) if rows.bond_b is None else rows.bond_b
+        H, walked = self.history, rows.walked
         kept = [H[k][walked] for k in ("work_b", "pull_b", "reach_b")]
         slack = data[4] if len(data) > 4 else np.zeros(len(rows.j_b))
         gone = _overworked(
@@ -217,7 +213,7 @@ class StateModel(ForceModel):
         e = self.beyond_rest(e, which)
         W, r0 = self.W_b[which], self.table.r0_b[which]
         own = float((0.5 * self.WB_b[which] * e**2).sum())
-        dS = np.bincount(i, W * r0 * e, self.n) + np.bincount(j, W * r0 * e, self.n)
+        dS = self.at_ends(i, j, W * r0 * e)
         return own + float((0.5 * self.h_n * (self.S_n**2 - (self.S_n - dS) ** 2)).sum())
 
     def dilatation_n(self, z, intact_b):
@@ -226,8 +222,7 @@ class StateModel(ForceModel):
         for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
             e = self.beyond_rest(e, b)
-            Wre = self.W_b[b] * self.table.r0_b[b] * e * (intact_b[b] != 0)
-            S += np.bincount(i, Wre, self.n) + np.bincount(j, Wre, self.n)
+            S += self.at_ends(i, j, self.W_b[b] * self.table.r0_b[b] * e * (intact_b[b] != 0))
         return self.body.dimension * np.divide(S, self.M_n, out=np.zeros(self.n), where=self.M_n > 0), S
 
     def energy_n(self, z, intact_b):
@@ -239,9 +234,7 @@ class StateModel(ForceModel):
             i, j, _, _, e, _ = deformed(self, z, b)
             e = self.beyond_rest(e, b)
             W, r0 = self.W_b[b] * (intact_b[b] != 0), self.table.r0_b[b]
-            sums += np.bincount(i, W * (e - less[i] * r0) ** 2, self.n) + np.bincount(
-                j, W * (e - less[j] * r0) ** 2, self.n
-            )
+            sums += self.at_ends(i, j, W * (e - less[i] * r0) ** 2, W * (e - less[j] * r0) ** 2)
         if not self.lammps_compat:
             return 0.5 * self.h_n * S**2 + 0.5 * self.B_n * sums
         K = self.per_node(lambda m: m.bulk)
@@ -260,24 +253,26 @@ class StateModel(ForceModel):
     def stiffness_n(self):
         t = self.table
         n, h = self.n, np.maximum(self.h_n, 0.0)
-        rest = node_rows(n)
-        rest[:, 3:6] = self.body.X_nc
+        rest = self.at_rest()
         k, G, own_nc, across = np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros(n)
         for b in self.parts():
             i, j, _, xi, _, _ = deformed(self, rest, b)
             W, r0 = self.W_b[b], t.r0_b[b]
-            k += np.bincount(i, self.WB_b[b], n) + np.bincount(j, self.WB_b[b], n)
-            G += np.bincount(i, W * r0, n) + np.bincount(j, W * r0, n)
+            k += self.at_ends(i, j, self.WB_b[b])
+            G += self.at_ends(i, j, W * r0)
             for c in range(3):
-                own_nc[:, c] += np.bincount(i, W * xi[:, c], n) - np.bincount(j, W * xi[:, c], n)
+                own_nc[:, c] += self.at_ends(i, j, W * xi[:, c], -W * xi[:, c])
         # ∂S_i/∂u_i is a vector sum, zero inside; each |∂S_i/∂u_j| is Wr0.
         own = np.sqrt((own_nc**2).sum(axis=1))
         all_of = h * (G + own)
         for b in self.parts():
             i, j = t.rows_of(b), t.j_b[b]
             pull = self.W_b[b] * t.r0_b[b]
-            across += np.bincount(j, pull * all_of[i], n) + np.bincount(i, pull * all_of[j], n)
+            across += self.at_ends(j, i, pull * all_of[i], pull * all_of[j])
         return k + 0.5 * (own * all_of + across)
+
+
+LPS.model = StateModel
 
 
 @njit(**INLINE)
@@ -285,16 +280,8 @@ def _row_extension(m, b0, w, r0, W, guard, intact, e):
     """Extensions of m bonds into e, W |ξ| e into column 0 of w."""
     for k in range(m):
         b = np.uint64(b0) + np.uint64(k)
-        ex = w[k]
-        ey = w[C + k]
-        ez = w[2 * C + k]
-        x = w[3 * C + k]
-        y = w[4 * C + k]
-        z = w[5 * C + k]
-        q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
         L = r0[b]
-        r2 = L * L + q
-        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        q, r = lengthened(k, w, L)
         q /= r + L
         # Extensions up to `guard` count as none.
         q = q if abs(q) > guard else 0.0
@@ -393,8 +380,7 @@ def _row(m, b0, i, node, w, v, intact, data):
         w[k] *= K
         w[C + k] *= K
         w[2 * C + k] *= K
-        w[6 * C + k] = s if whole else np.inf
-        w[7 * C + k] = s if whole else -np.inf
+        note(k, w, s, whole)
 
 
 @njit(**JIT)

@@ -15,7 +15,7 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..bonds import JIT
 from ..lanes import gather_positions
-from .base import deformed
+from .force_model import ForceModel, deformed
 from .lps import LPS, StateModel, less_slack, row_of
 
 
@@ -63,10 +63,6 @@ class Plastic(LPS):
             raise AtcError(f"{self.name}: yield_stress must be a stress greater than 0, got {yield_stress!r}")
         self.yield_stress = float(yield_stress)
 
-    @staticmethod
-    def model(*args, **options):
-        return PlasticModel(*args, **options)
-
 
 class PlasticModel(StateModel):
     """`StateModel` and what has flowed. `history` (of the state): extension_b of the last step; plastic_i_b and
@@ -99,14 +95,13 @@ class PlasticModel(StateModel):
         """The next forces are those of a step, in which nodes may flow."""
         self._flowing = True
 
-    def heat(self, rise_n):
-        raise AtcError("temperature: plastic has no thermal expansion: take lps or elastic, with expansion")
+    heat = ForceModel.heat
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, H = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b), self.history
         r0, W, WB = t.columns
         self.extend(z, t, r0, W)
-        walked = slice(None) if t.bond_b is None else t.bond_b
+        walked = t.walked
         e = self.e_b[: len(t.j_b)]
         p_i, p_j = H["plastic_i_b"][walked], H["plastic_j_b"][walked]
         self.taken = 0.0
@@ -145,9 +140,7 @@ class PlasticModel(StateModel):
         out = super().energy_n(z, intact_b)
         for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
-            whole = intact_b[b] != 0
-            at_i, at_j = self._flowed(e, i, j, b)
-            out += np.bincount(i, at_i * whole, self.n) + np.bincount(j, at_j * whole, self.n)
+            out += self.at_ends(i, j, *(at * (intact_b[b] != 0) for at in self._flowed(e, i, j, b)))
         return out
 
     def lost(self, z, which):
@@ -159,6 +152,9 @@ class PlasticModel(StateModel):
         flowed = self.B_n[out.i] * H["plastic_i_b"][whole] + self.B_n[out.j] * H["plastic_j_b"][whole]
         out.add(-self.W_b[whole] * flowed)
         return out
+
+
+Plastic.model = PlasticModel
 
 
 @njit(**JIT)

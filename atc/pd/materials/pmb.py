@@ -15,18 +15,10 @@ from ...errors import AtcError
 from ..bonds import JIT
 from ..lanes import INLINE, C, gather
 from ..surface import surface_factors
-from .base import (
-    MEAN_COS,
-    ForceModel,
-    Material,
-    along_bonds,
-    bond_based_shear,
-    deformed,
-    harmonic,
-    micromodulus,
-    moment,
-)
-from .rows import eights
+from .base import Material
+from .force_model import ForceModel, along_bonds, deformed, harmonic
+from .influence import MEAN_COS, bond_based_shear, micromodulus, moment
+from .rows import eights, lengthened, note
 
 # Compiled into the loop, and called from Python.
 CALLED = dict(INLINE, no_cpython_wrapper=False)
@@ -113,10 +105,6 @@ class PMB(Material):
         crossing = moment(self.influence, body, 2) * MEAN_COS[body.dimension] / 2
         return 0.5 * self.micromodulus(body) * self.law(s0)[1] * s0**2 * crossing
 
-    @staticmethod
-    def model(*args, **options):
-        return BondModel(*args, **options)
-
 
 class BondModel(ForceModel):
     """Springs between nodes: PMB, for one or several materials (between two, the springs in series: 2 c_a c_b/(c_a +
@@ -164,7 +152,7 @@ class BondModel(ForceModel):
         for b in self.parts():
             i, j, _, _, e, _ = deformed(self, z, b)
             half = 0.25 * self.W_b[b] * self._law(e, b)[1] * e**2 / self.table.r0_b[b] * (intact_b[b] != 0)
-            energy += np.bincount(i, half, self.n) + np.bincount(j, half, self.n)
+            energy += self.at_ends(i, j, half)
         return energy
 
     def forces_of_bonds(self, z, intact_b, whole):
@@ -177,6 +165,9 @@ class BondModel(ForceModel):
 
     def contact_constant(self):
         return self.c_k
+
+
+PMB.model = BondModel
 
 
 # Replaced in each copy, see `_law_of_rows`.
@@ -199,16 +190,8 @@ def _row(m, b0, i, node, w, v, intact, data):
     for k in range(eights(m, b0, intact)):
         # Unsigned: no test for negative indices, so that loads are whole vectors.
         b = np.uint64(b0) + np.uint64(k)
-        ex = w[k]
-        ey = w[C + k]
-        ez = w[2 * C + k]
-        x = w[3 * C + k]
-        y = w[4 * C + k]
-        z = w[5 * C + k]
-        q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
         L = r0[b]
-        r2 = L * L + q
-        r = np.sqrt(r2 if r2 > 0.0 else 0.0)
+        q, r = lengthened(k, w, L)
         # Extensions up to `guard` count as none.
         q = q if abs(q) > guard * (r + L) else 0.0
         D = r * (r + L) * L
@@ -216,8 +199,7 @@ def _row(m, b0, i, node, w, v, intact, data):
         s = D * r if r > 0.0 else -1.0
         whole = intact[b] != 0
         K = W[b] * D * LAW(s)[0] if whole else 0.0
-        w[k] = K * (x + ex)
-        w[C + k] = K * (y + ey)
-        w[2 * C + k] = K * (z + ez)
-        w[6 * C + k] = s if whole else np.inf
-        w[7 * C + k] = s if whole else -np.inf
+        w[k] = K * (w[3 * C + k] + w[k])
+        w[C + k] = K * (w[4 * C + k] + w[C + k])
+        w[2 * C + k] = K * (w[5 * C + k] + w[2 * C + k])
+        note(k, w, s, whole)

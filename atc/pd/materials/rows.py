@@ -62,6 +62,28 @@ def threshold(s00, alpha, smin_i, smin_j):
 
 
 @njit(**INLINE)
+def lengthened(k, w, L):
+    """|ξ+η|² − |ξ|² of the bond in columns 0-5 of w, without the digits that the difference of squares would lose; and
+    |ξ+η|, L = |ξ|."""
+    ex = w[k]
+    ey = w[C + k]
+    ez = w[2 * C + k]
+    x = w[3 * C + k]
+    y = w[4 * C + k]
+    z = w[5 * C + k]
+    q = ex * (x + x + ex) + ey * (y + y + ey) + ez * (z + z + ez)
+    r2 = L * L + q
+    return q, np.sqrt(r2 if r2 > 0.0 else 0.0)
+
+
+@njit(**INLINE)
+def note(k, w, s, whole):
+    """The stretch of a bond where the loop looks for it."""
+    w[6 * C + k] = s if whole else np.inf
+    w[7 * C + k] = s if whole else -np.inf
+
+
+@njit(**INLINE)
 def eights(m, b0, intact):
     """How many bonds a law does at once if it likes whole vectors of eight: those beyond the row's m have no extent,
     and pull nothing."""

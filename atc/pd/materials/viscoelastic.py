@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import AtcError
 from ..lanes import gather_positions
-from .base import deformed
+from .force_model import ForceModel, deformed
 from .lps import LPS, StateModel, less_slack, row_of
 
 
@@ -60,10 +60,6 @@ class Viscoelastic(LPS):
             raise AtcError(f"{self.name}: time must be a relaxation time greater than 0, got {time!r}")
         self.fraction, self.time = float(fraction), float(time)
 
-    @staticmethod
-    def model(*args, **options):
-        return ViscousModel(*args, **options)
-
 
 class ViscousModel(StateModel):
     """`StateModel` and its dashpots. `history` (of the state): extension_b, back_b, dilatation_n, back_n, of the last
@@ -95,8 +91,7 @@ class ViscousModel(StateModel):
         """The next forces are those a time `dt` later."""
         self._step = dt
 
-    def heat(self, rise_n):
-        raise AtcError("temperature: viscoelastic has no thermal expansion: take lps or elastic, with expansion")
+    heat = ForceModel.heat
 
     def forces(self, z, intact_b, F_nc, smin_n, damage):
         t, H = self.standing(intact_b, self.table.r0_b, self.W_b, self.WB_b, self.soft_b), self.history
@@ -104,7 +99,7 @@ class ViscousModel(StateModel):
         self.extend(z, t, r0, W)
         d = self.body.dimension
         theta = d * np.divide(self.S_n, self.M_n, out=np.zeros(self.n), where=self.M_n > 0)
-        walked = slice(None) if t.bond_b is None else t.bond_b
+        walked = t.walked
         e = self.e_b[: len(t.j_b)]
         back = H["back_b"][walked]
         if self._step is not None:
@@ -160,3 +155,6 @@ class ViscousModel(StateModel):
         turned = self.W_b[whole] * (A[out.i] + A[out.j]) * self.table.r0_b[whole]
         out.add(turned - self.soft_b[whole] * H["back_b"][whole])
         return out
+
+
+Viscoelastic.model = ViscousModel
