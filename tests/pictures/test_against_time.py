@@ -68,9 +68,22 @@ def test_means_over_axes():
     np.testing.assert_allclose(over_axes(gaps, "x").stress, gaps.stress.fillna(0).mean("x"))
     _, values, _ = mesh_of(plotting.plot(ds, "stress", component="xx", frame="all", mean="y,z").axes[0])
     np.testing.assert_allclose(values, over_axes(ds, "y,z").stress[..., 0, 0])
+    # the title of a profile against time says what the means are over
+    assert "mean over y,z" in plotting.plot(ds, "stress", frame="all", mean="y,z")._suptitle.get_text()
     for axes in ("w", "x,y,z", ""):
         with pytest.raises(AtcError, match="some, not all"):
             plotting.plot(ds, "stress", mean=axes)
+
+
+def test_an_axis_of_one_point_keeps_its_name():
+    """A grid of one layer has no direction along z to go by; its axis is z all the same, over its one coordinate."""
+    ds, bound = output(atc.Grid.regular(shape=(4, 6, 1)), stress=("bar", linear))
+    z = bound.points_gc[0, 2]
+    ax = plotting.plot(ds, "stress", component="xx", frame=0, mean="y").axes[0]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x (Å)", "z (Å)")
+    assert np.mean(ax.get_ylim()) == pytest.approx(z)
+    ax = plotting.plot(ds, "stress", component="xx", frame="all", mean="x,y").axes[0]
+    assert ax.get_xlabel() == "z (Å)" and np.mean(ax.get_xlim()) == pytest.approx(z)
 
 
 def half(x, k):
