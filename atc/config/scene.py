@@ -96,6 +96,8 @@ class Scene(Document):
         try:
             data = parse(text)
         except tomllib.TOMLDecodeError as e:
+            if Path(name).suffix not in (".toml", ""):
+                raise AtcError(f"{name}: is not a scene (a TOML file); of a trajectory, atc init writes one") from None
             raise AtcError(complaint(name, text, e)) from None
         scene = cls._build(data, Path(folder), name, key_lines(text), overrides)
         scene._text = text

@@ -226,9 +226,11 @@ def over_angles(ds):
 
 
 def _without_places(ds):
-    """What means over points can be taken of: standard errors of means are not the means of the errors."""
+    """What means over points can be taken of (standard errors of means are not the means of the errors), and of how
+    many frames each entry is."""
     out = ds.drop_vars([f"position_{c}" for c in "xyz"], errors="ignore")
-    return out.drop_vars([n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)])
+    lost = [n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)]
+    return out.drop_vars([n for n in lost if n != "frames_averaged"])
 
 
 def over_axes(ds, axes: str):
