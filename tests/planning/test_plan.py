@@ -45,9 +45,9 @@ def test_stress_runs_two_passes():
 
 def test_only_what_was_asked_for_is_named():
     """Averages carry quantities of their own (numbers of atoms): neither the plan nor an error speaks of them."""
-    asked = ([argon()] * 2, BruteLJ(), KERN, GRID, ["temperature"])
-    assert plan(*asked, average=True).quantities == ["temperature"]
-    with pytest.raises(AtcError, match="velocities are missing but temperature needs them"):
+    asked = ([argon()] * 2, BruteLJ(), KERN, GRID, ["stress"])
+    assert plan(*asked, average=True).quantities == ["stress", "stress_kinetic", "stress_potential"]
+    with pytest.raises(AtcError, match="velocities are missing but stress, stress_kinetic need them"):
         atc.fields([argon().replace(velocities=None)] * 2, *asked[1:], average=True)
 
 
