@@ -107,6 +107,7 @@ def test_averages_pictures_and_what_does_not_go(tmp_path):
     mean = ds.stress.mean(["phi", "z"])[0]
     line = next(a for a, t in zip(ax.lines, labels) if t == r"$\sigma_{\phi \phi}$")
     assert np.allclose(line.get_ydata(), mean[:, 1, 1])
+    assert "average of 4 frames" in ax.figure._suptitle.get_text()
     (one,) = ds.atc.plot("stress", component="rphi").axes
     assert np.allclose(one.lines[0].get_ydata(), mean[:, 0, 1])
     with pytest.raises(AtcError, match="a scene of its own"):

@@ -153,12 +153,13 @@ SI, SI_PLANE = "W/(m K)", "W/K"
 
 def _pm(value, error) -> str:
     """0.291 ± 0.012: the error with two digits, the value to the same place."""
-    if not error > 0 or not np.isfinite(error):
+    largest = max(abs(value), error)
+    if not 1e-13 * largest < error < np.inf or largest < 1e-300:  # nothing to round by, or too small to be scaled
         return f"{value:.4g} ± {error:.2g}"
-    digits = 1 - int(np.floor(np.log10(error)))
-    if -6 < digits < 7:
+    digits, power = (int(np.floor(np.log10(x))) for x in (error, largest))
+    digits = 1 - digits
+    if -6 < digits < 7 or power == 0:
         return f"{value:.{max(digits, 0)}f} ± {error:.{max(digits, 0)}f}"
-    power = int(np.floor(np.log10(max(abs(value), error))))
     return f"({_pm(value / 10.0**power, error / 10.0**power)})e{power:+d}"
 
 

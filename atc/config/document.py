@@ -49,6 +49,8 @@ class Document:
     #: what such a file is, a key of it with a value, its sections and keys, and of those that may be repeated
     what: ClassVar[str]
     example: ClassVar[str]
+    #: what writes one, as the end of a message
+    begun_by: ClassVar[str] = ""
     tables: ClassVar[dict[str, dict[str, Key]]]
     arrays: ClassVar[dict[str, dict[str, Key]]] = {}
 
@@ -89,6 +91,8 @@ class Document:
         try:
             data = parse(text)
         except tomllib.TOMLDecodeError as e:
+            if Path(name).suffix not in (".toml", ""):
+                raise AtcError(f"{name}: is not a {cls.what} (a TOML file){cls.begun_by}") from None
             raise AtcError(complaint(name or cls.what, text, e)) from None
         return cls(data, Path(folder), name, key_lines(text), text=text)._made(overrides)
 

@@ -9,6 +9,7 @@ from .columns import is_column
 from .columns import values as column_values
 from .field_pass import require_fields
 from .peridynamic import horizon_of, node_volumes
+from .registry import hidden
 from .settings import Settings
 from .work import Work
 
@@ -18,6 +19,7 @@ def require(frame, settings: Settings, work: Work) -> None:
     reference."""
     pot, kern, grid = settings.pot, settings.kern, settings.grid
     for attribute, users in work.attributes.items():
+        users = [name for name in users if not hidden(name)]
         if is_column(attribute):
             column_values(frame, attribute.removeprefix("column:"), ", ".join(users))
         else:

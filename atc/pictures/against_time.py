@@ -10,10 +10,11 @@ from .drawing import STYLE, colours, figure, kernel_title, label_of, titled
 from .geometry import grid_dims, points_of_grid, rank, with_unit
 
 
-def time_figure(ds, panels, limits=None, robust=None, dimension=3):
+def time_figure(ds, panels, limits=None, robust=None, dimension=3, mean=None):
     """A map for each panel: position to the right, time upwards.
 
     panels : [(name, xarray.DataArray with dims (frame, one of the grid, …), component or None)]
+    mean : the axes that means have been taken over, for the title
 
     Raises
     ------
@@ -51,7 +52,8 @@ def time_figure(ds, panels, limits=None, robust=None, dimension=3):
             ax.set_title(label_of(da, comp))
             fig.colorbar(drawn, ax=ax, extend=extend, pad=0.02).outline.set_linewidth(0.6)
         names = ", ".join(dict.fromkeys(str(da.attrs.get("long_name", name)) for name, da, _ in panels))
-        title = ", ".join(t for t in (names[:1].upper() + names[1:], kernel_title(ds), upwards) if t)
+        over = "" if mean is None else f"mean over {mean}"
+        title = ", ".join(t for t in (names[:1].upper() + names[1:], kernel_title(ds), over, upwards) if t)
         titled(fig, title)
     return fig
 

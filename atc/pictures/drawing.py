@@ -60,7 +60,8 @@ def require_frame(ds, k: int) -> int:
 def _frame_text(ds, k) -> str:
     one = ds.isel(frame=k)
     if "frames_averaged" in ds:
-        return f"average of {int(one.frames_averaged)} frames"
+        n = int(one.frames_averaged)
+        return f"average of {n} frame{'s' * (n != 1)}"
     text = f"frame {int(one.frame)}" if "frame" in one.coords else f"frame {k}"
     if "time" in one.coords and np.isfinite(float(one.time)):
         text += f", t = {float(one.time):.4g} {unit_text(one.time.attrs.get('units', ''))}".rstrip()
@@ -135,8 +136,9 @@ def colours(name, comp, values, limits, robust, floor=0.0):
 
 
 def wrapped(fig, text: str, size: float) -> str:
-    """A text broken into lines that fit into a figure."""
-    return textwrap.fill(text, max(20, int(fig.get_size_inches()[0] * 72 / (0.56 * size))))
+    """A text broken into lines that fit into a figure; what holds a value, ``t = 0.8 ps``, stays together."""
+    kept = ", ".join(part.replace(" ", "\xa0") if " = " in part else part for part in text.split(", "))
+    return textwrap.fill(kept, max(20, int(fig.get_size_inches()[0] * 72 / (0.56 * size)))).replace("\xa0", " ")
 
 
 def figure(n, width, height, columns=3):

@@ -92,6 +92,10 @@ class Places:
         last = tuple(n - 1 if a == k else 0 for a in range(self.x_gc.ndim - 1))
         return (self.x_gc[last] - self.x_gc[first]) / (n - 1)
 
+    def _named(self, k):
+        """The unit vector that dimension k is named after, of any other name x's: for a single point along it."""
+        return np.eye(3)["xyz".find(self.dims[k]) if self.dims[k] in ("x", "y", "z") else 0]
+
     def cut(self, k, i):
         """The plane of a volume at index i of dimension k."""
         keep = [d for d in range(3) if d != k]
@@ -113,10 +117,12 @@ class Places:
             basis = np.eye(3)[[u, v, 3 - u - v]]
             return x @ basis[:2].T, [f"{'xyz'[u]}{unit}", f"{'xyz'[v]}{unit}"], basis, x.mean(0)
         a, b = (s if np.linalg.norm(s) > 0 else None for s in self.steps)
-        if a is None or b is None:  # a single row of points: any direction across it will do
+        if a is None or b is None:  # a single row of points: the axis it is named after, or any direction across it
             one = a if b is None else b
-            one = np.array([1.0, 0, 0]) if one is None else one
-            other = np.eye(3)[np.argmin(np.abs(one))]
+            one = self._named(0) if one is None else one
+            other = self._named(1 if b is None else 0)
+            if np.linalg.norm(np.cross(other, one)) < 1e-9 * np.linalg.norm(one):
+                other = np.eye(3)[np.argmin(np.abs(one))]
             other = np.cross(np.cross(one, other), one)
             other *= np.linalg.norm(one) / np.linalg.norm(other)
             a, b = (one, other) if b is None else (other, one)
@@ -146,7 +152,7 @@ class Places:
         unit = with_unit("", self.unit)
         along = [c for c in range(3) if length > 0 and abs(abs(step[c]) - length) <= 1e-9 * length]
         if along or length == 0:
-            c = along[0] if along else 0
+            c = along[0] if along else int(np.argmax(self._named(k)))
             return x[:, c], f"{'r' if self.dims[k] == 'r' else 'xyz'[c]}{unit}"
         return (x - x[0]) @ (step / length), f"distance along {self.edges[k]}{unit}"
 
@@ -220,9 +226,11 @@ def over_angles(ds):
 
 
 def _without_places(ds):
-    """What means over points can be taken of: standard errors of means are not the means of the errors."""
+    """What means over points can be taken of (standard errors of means are not the means of the errors), and of how
+    many frames each entry is."""
     out = ds.drop_vars([f"position_{c}" for c in "xyz"], errors="ignore")
-    return out.drop_vars([n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)])
+    lost = [n for n in out.data_vars if out[n].dtype.kind != "f" or str(n).endswith(STDERR)]
+    return out.drop_vars([n for n in lost if n != "frames_averaged"])
 
 
 def over_axes(ds, axes: str):

@@ -112,7 +112,7 @@ def plot(
     if frame == "all":
         if slice is not None or axis is not None or index is not None or arrows or streamlines or principal:
             raise AtcError("frame all: a map of position and time has no slices, arrows, streamlines or crosses")
-        return time_figure(ds, panels, limits, robust, dimension)
+        return time_figure(ds, panels, limits, robust, dimension, mean)
     place = points_of_grid(ds, panels[0][1])
     if place.kind == "volume":
         place, selection, where = cut(place, slice, axis, index)

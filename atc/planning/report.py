@@ -181,7 +181,7 @@ def plan(*args, **kwargs) -> Plan:
         tolerance=job.request.tolerance,
         workers=job.request.workers,
         threads=threads,
-        quantities=[q.name for q in work.quantities],
+        quantities=[q.name for q in work.quantities if not hidden(q.name)],
         parts=p.parts,
         measured=job.costs.machine != "shipped",
         agreement=job.alarm().text,

@@ -8,6 +8,7 @@ import pytest
 from lammps_oracle import lammps_session
 
 import atc
+from atc.analysis.green_kubo import _pm
 from atc.errors import AtcError, AtcWarning
 from atc.estimators.correlation import autocorrelation, plateau, running_integral, segment_integrals
 from atc.frame import Cell, Frame
@@ -265,6 +266,21 @@ POT = None
 def setup_module():
     global POT
     POT = atc.potential("pair_style lj/cut 2.5\npair_coeff * * 1 1", units="lj")
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.2914, 0.0123, "0.291 ± 0.012"),
+        (1.0, 1e-8, "1.000000000 ± 0.000000010"),  # of the order of one already: no power of ten makes it shorter
+        (-3.25e-9, 4e-18, "(-3.2500000000 ± 0.0000000040)e-9"),
+        (2.5e12, 3e10, "(2.500 ± 0.030)e+12"),
+        (0.0, 4e-320, "0 ± 4e-320"),
+        (1.0, 1e-300, "1 ± 1e-300"),
+    ],
+)
+def test_value_and_error(value, error, text):
+    assert _pm(value, error) == text
 
 
 def test_table_and_picture(tmp_path, capsys):

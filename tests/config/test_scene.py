@@ -348,6 +348,9 @@ def test_unreadable_scene(tmp_path, content, word):
         path.write_bytes(content)
     with pytest.raises(AtcError, match=word):
         Scene.load(path)
+    (tmp_path / "run.dump").write_text("ITEM: TIMESTEP\n0\n")
+    with pytest.raises(AtcError, match=r"run\.dump: is not a scene .*atc init"):
+        Scene.load(tmp_path / "run.dump")
     with pytest.raises(AtcError, match="directory"):
         Scene.load(tmp_path)
 

@@ -125,6 +125,6 @@ def test_what_nobody_can_tell_is_refused_with_its_line(ran):
         "read_data w.data", "region b block 0 6 0 6 0 6\ncreate_box 2 b\nlattice sc 1.0\ncreate_atoms 1 box"
     )
     (folder / "in.made").write_text(made)
-    with pytest.raises(AtcError, match="create_atoms makes atoms whose places are not known"):
+    with pytest.raises(AtcError, match="create_atoms makes atoms whose places are not known; select them by types"):
         atc.fields(traj, atc.potential(folder / "in.made"), atc.kernel("quartic", 1.8), atc.Grid.regular(shape=3),
                    ["number_density"], select="group:low")  # fmt: skip

@@ -68,9 +68,36 @@ def test_means_over_axes():
     np.testing.assert_allclose(over_axes(gaps, "x").stress, gaps.stress.fillna(0).mean("x"))
     _, values, _ = mesh_of(plotting.plot(ds, "stress", component="xx", frame="all", mean="y,z").axes[0])
     np.testing.assert_allclose(values, over_axes(ds, "y,z").stress[..., 0, 0])
+    # an average stays one
+    average = ds.isel(frame=[0]).assign(frames_averaged=("frame", [7]))
+    assert "average of 7 frames" in plotting.plot(average, "stress", mean="y,z")._suptitle.get_text()
+    # the title of a profile against time says what the means are over
+    assert "mean over y,z" in plotting.plot(ds, "stress", frame="all", mean="y,z")._suptitle.get_text()
     for axes in ("w", "x,y,z", ""):
         with pytest.raises(AtcError, match="some, not all"):
             plotting.plot(ds, "stress", mean=axes)
+
+
+def test_titles_keep_values_whole():
+    """A value does not part from its name or its unit where a title is broken, and one frame is no frames."""
+    ds, _ = output(atc.Grid.regular(shape=(2, 2, 2)), stress=("bar", linear))
+    for digits in range(1, 12):
+        named = ds.assign(stress=ds.stress.assign_attrs(long_name="s" * 3 * digits))
+        lines = plotting.plot(named, "stress", component="xx", frame=1)._suptitle.get_text().split("\n")
+        assert any("t = " in line and "ps" in line.partition("t = ")[2] for line in lines), lines
+    one = ds.isel(frame=[0]).assign(frames_averaged=("frame", [1]))
+    assert plotting.plot(one, "stress")._suptitle.get_text().endswith("average of 1 frame")
+
+
+def test_an_axis_of_one_point_keeps_its_name():
+    """A grid of one layer has no direction along z to go by; its axis is z all the same, over its one coordinate."""
+    ds, bound = output(atc.Grid.regular(shape=(4, 6, 1)), stress=("bar", linear))
+    z = bound.points_gc[0, 2]
+    ax = plotting.plot(ds, "stress", component="xx", frame=0, mean="y").axes[0]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x (Å)", "z (Å)")
+    assert np.mean(ax.get_ylim()) == pytest.approx(z)
+    ax = plotting.plot(ds, "stress", component="xx", frame="all", mean="x,y").axes[0]
+    assert ax.get_xlabel() == "z (Å)" and np.mean(ax.get_xlim()) == pytest.approx(z)
 
 
 def half(x, k):

@@ -43,6 +43,14 @@ def test_stress_runs_two_passes():
     assert 0 < p.error < p.tolerance
 
 
+def test_only_what_was_asked_for_is_named():
+    """Averages carry quantities of their own (numbers of atoms): neither the plan nor an error speaks of them."""
+    asked = ([argon()] * 2, BruteLJ(), KERN, GRID, ["stress"])
+    assert plan(*asked, average=True).quantities == ["stress", "stress_kinetic", "stress_potential"]
+    with pytest.raises(AtcError, match="velocities are missing but stress, stress_kinetic need them"):
+        atc.fields([argon().replace(velocities=None)] * 2, *asked[1:], average=True)
+
+
 def test_potential_stress_alone_needs_no_velocities():
     p = plan(argon().replace(velocities=None, masses=None), BruteLJ(), KERN, GRID, ["stress_potential"])
     assert (

@@ -442,7 +442,10 @@ class Setup:
                 why = table.group_why.get(name) or (
                     f"atom {unknown[0]} is not among those of the script" if len(unknown) else "it changes"
                 )
-                raise AtcError(f"{frame.source}: select groups: who is in group {name} is not known: {why}")
+                raise AtcError(
+                    f"{frame.source}: select groups: who is in group {name} is not known: {why}; select "
+                    "them by types, ids or region"
+                )
             inside &= g.inside[rows] if name != "all" else True
         return inside
 

@@ -20,7 +20,7 @@ def settle_units(given, declared, source):
         system, by = here, str(file)
     if system is None:
         raise AtcError(
-            f"{source}: its units are not in the file; give the unit style of the LAMMPS run, e.g. units='metal' (or "
-            "write it with 'dump_modify ID units yes')"
+            f"{source}: its units are not in the file; give the unit style of the LAMMPS run, e.g. units='metal' (in "
+            "a scene in [trajectory], to atc info as --units metal), or write it with 'dump_modify ID units yes'"
         )
     return system
