@@ -22,10 +22,10 @@ SHARE = 0.25
 @njit(**JIT)
 def rub_pairs(active, i, j, shift, z, d, V, index, m, c_k, mu, v, mass, dt, F):
     """Friction of the pairs `active` (see `contact._push`, whose N this is) into F."""
+    x = np.empty(3)
     for p in active:
         a = i[p]
         b = j[p]
-        x = np.empty(3)
         r2 = 0.0
         for c in range(3):
             x[c] = (z[b, c] + z[b, 3 + c]) - (z[a, c] + z[a, 3 + c])

@@ -39,7 +39,7 @@ class _Rigid:
     def rub(self, t, z, v_nc, mass_n, dt, F_nc):
         """Add Coulomb's friction at time t to F (n, 3); returns what power it brings from outside. The push that it is
         of stays for `pushed`."""
-        self.push_nc = np.zeros_like(F_nc)
+        self.push_nc[:] = 0.0
         self.energy = self.add(t, z, self.push_nc)
         return rub_rigid(self.push_nc, self.friction, self.velocity(t, dt), v_nc, mass_n, dt, F_nc)
 
@@ -50,7 +50,7 @@ class _Rigid:
 
     def bind(self, body):
         self.V_n = body.V_n
-        self.force = np.zeros(3)
+        self.force, self.push_nc = np.zeros(3), np.zeros((len(body), 3))
         return self
 
 

@@ -36,8 +36,9 @@ class Angles:
         def dot(u, v):
             return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
-        b, c = (np.ascontiguousarray((x_tkc[:, k] - x_tkc[:, 1]).T) for k in (0, 2))
-        self.d2_b, self.d2_c, bc = dot(b, b), dot(c, c), b - c
+        # By components: numpy is slow along axes of three.
+        b, c, bc = ([x_tkc[:, p, k] - x_tkc[:, q, k] for k in range(3)] for p, q in ((0, 1), (2, 1), (0, 2)))
+        self.d2_b, self.d2_c = dot(b, b), dot(c, c)
         self.d_b, self.d_c, self.d_bc = np.sqrt(self.d2_b), np.sqrt(self.d2_c), np.sqrt(dot(bc, bc))
         self.d = d = np.sqrt(self.d2_b * self.d2_c)
         self.cos = np.clip(dot(b, c) / d, -1.0, 1.0)
@@ -92,7 +93,7 @@ class AngleStyle(SharedTerm):
 
     def energies(self, types, a: Angles):
         """The same of angles of these types."""
-        return self.curve(a, *self.table[types].T)
+        return self.curve(a, *self.columns(types))
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
         with np.errstate(all="ignore"):  # said by `complaint`

@@ -30,7 +30,7 @@ class BondStyle(BondedTerm):
 
     def energies(self, types, d):
         """The same of bonds of these types."""
-        return self.curve(d, *self.table[types].T)
+        return self.curve(d, *self.columns(types))
 
     def count(self, types, d) -> int:
         """How many bonds are worth the note."""
@@ -61,7 +61,7 @@ class BondStyle(BondedTerm):
 
 def lengths(x_tkc) -> np.ndarray:
     """(t,) distances of the first and the last atom."""
-    x, y, z = (x_tkc[:, -1] - x_tkc[:, 0]).T
+    x, y, z = (x_tkc[:, -1, k] - x_tkc[:, 0, k] for k in range(3))
     return np.sqrt(x * x + y * y + z * z)
 
 

@@ -115,7 +115,7 @@ class QuarticBond(PairedBond):
     def with_pairs(self, own, i, j, types, d):
         U, G, holds = np.zeros(len(d)), np.zeros(len(d)), d <= self.table[types, 3]
         i, j, d, types = i[holds], j[holds], d[holds], types[holds]
-        K, B1, B2, Rc, U0 = self.table[types].T
+        K, B1, B2, Rc, U0 = self.columns(types)
         y = d - Rc
         p, q = y - B1, y - B2
         u = K * y * y * p * q + U0

@@ -42,6 +42,8 @@ def first_true(bad_t) -> int:
 
 def first_not_finite(U, G) -> int:
     """The first tuple whose energy (m,) or G (m, pairs) is not finite, or −1."""
+    if np.isfinite(U).all() and np.isfinite(G).all():
+        return -1
     return first_true(~(np.isfinite(U) & np.isfinite(G).all(axis=1)))
 
 
@@ -117,10 +119,11 @@ class ClusterWork(Work):
             self.images.vectors_to(
                 self.frame.positions, np.ascontiguousarray(atoms[:, k]), np.ascontiguousarray(atoms[:, k - 1]), step
             )
-            if k <= self.term.origin:
-                x[:, :k] -= step[:, None]
-            else:
-                x[:, k] = x[:, k - 1] + step
+            for c in range(3):  # numpy is slow along axes of three
+                if k <= self.term.origin:
+                    x.T[c, :k] -= step[:, c]
+                else:
+                    np.add(x[:, k - 1, c], step[:, c], out=x[:, k, c])
         return x
 
 

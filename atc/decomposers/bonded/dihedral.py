@@ -72,7 +72,7 @@ class Torsion(CurveTorsion):
     """Base of the torsion styles: U = Σ_n a_n cos nφ, the a_n (internal energy units) the `row` of a type."""
 
     def curve(self, cos, sin, types, acc):
-        a = self.table[types].T
+        a = self.columns(types)
         # Chebyshev polynomials of first and second kind side by side: T_n and U_{n-1}.
         T0, T1, V0, V1 = np.ones_like(cos), cos, np.zeros_like(cos), np.ones_like(cos)
         U, slope = a[0], np.zeros_like(cos)

@@ -41,7 +41,7 @@ class Class2Torsion(CrossTerms, CoupledTorsion):
         return numbers
 
     def curve(self, chain: Chain, types):
-        v = self.table[types].T
+        v = self.columns(types)
         c, dc = chain.multiples()
         t1, t2, dt1, dt2 = chain.angles()
         d12, d23, d34 = chain.d

@@ -66,7 +66,7 @@ class CosineShiftExpTorsion(CurveTorsion):
         return depth, sign_of(phi0), a
 
     def curve(self, cos, sin, types, acc):
-        depth, sign, a = self.table[types].T
+        depth, sign, a = self.columns(types)
         U, slope = shift_exp(sign * cos, depth, a)
         return U, sign * slope
 
@@ -83,5 +83,5 @@ class RestrictedTorsion(CurveTorsion):
     wants = (("K", energy), ("phi0", degrees))
 
     def curve(self, cos, sin, types, acc):
-        K, phi0 = self.table[types].T
+        K, phi0 = self.columns(types)
         return restricted(cos, sin, K, np.cos(phi0))

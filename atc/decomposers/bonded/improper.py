@@ -35,7 +35,7 @@ class HarmonicImproper(CurveTorsion):
     angle_name, small = "chi", _SMALL
 
     def curve(self, cos, sin, types, acc: Accumulator):
-        K, chi0 = self.table[types].T
+        K, chi0 = self.columns(types)
         # The angle from the plane, so that nothing cancels near χ = π; dU/dcos = −2K (χ − χ0)/sin χ is split into a
         # regular part and a kink.
         sign = np.where(cos >= 0.0, 1.0, -1.0)

@@ -58,7 +58,7 @@ class UmbrellaImproper(PyramidImproper):
         return K, omega0
 
     def curve(self, p, types, acc):
-        K, omega0 = self.table[types].T
+        K, omega0 = self.columns(types)
         cos, flat = signed_cosine(p, 2), omega0 == 0.0
         k, x = K / np.where(flat, 1.0, np.sin(omega0)) ** 2, cos - np.cos(omega0)
         # 1 − cos ω without cancellation near the plane.
@@ -83,7 +83,7 @@ class FourierImproper(RowTerm, PyramidImproper):
         return (numbers[0] * u.energy, *numbers[1:4], numbers[4] if len(numbers) == 5 else 1.0)
 
     def curve(self, p, types, acc):
-        K, C0, C1, C2, every = self.table[types].T
+        K, C0, C1, C2, every = self.columns(types)
         U, G = 0.0, 0.0
         for axis in range(3):
             k = K if axis == 2 else K * every
@@ -106,7 +106,7 @@ class InversionHarmonicImproper(PyramidImproper):
     wants = (("K", energy), ("omega0", degrees))
 
     def curve(self, p, types, acc):
-        K, omega0 = self.table[types].T
+        K, omega0 = self.columns(types)
         U, G = 0.0, 0.0
         for axis in range(3):
             s, cos = np.sqrt(p.sin2[axis]), np.maximum(np.sqrt(1.0 - p.sin2[axis]), _SMALL)
@@ -128,7 +128,7 @@ class DistanceImproper(PyramidImproper):
     wants = (("K2", per_length2), ("K4", per_length4))
 
     def curve(self, p, types, acc):
-        K2, K4 = self.table[types].T
+        K2, K4 = self.columns(types)
         return p.height2 * (K2 + K4 * p.height2), (K2 + 2.0 * K4 * p.height2)[:, None] * p.height2_e
 
 
@@ -171,7 +171,7 @@ class SqDistHarmImproper(PyramidImproper):
     wants = (("K", per_length4), ("h0^2", {"length": 2}))
 
     def curve(self, p, types, acc):
-        K, h02 = self.table[types].T
+        K, h02 = self.columns(types)
         x = p.height2 - h02
         return K * x * x, (2.0 * K * x)[:, None] * p.height2_e
 
@@ -188,7 +188,7 @@ class RingImproper(PyramidImproper):
     apex = 1
 
     def curve(self, p, types, acc):
-        K, theta0 = self.table[types].T
+        K, theta0 = self.columns(types)
         x = p.cos.sum(axis=0) + 3.0 * np.cos(theta0)
         return K / 6.0 * x**6, (K * x**5)[:, None] * p.cos_e.sum(axis=0)
 
@@ -210,7 +210,7 @@ class Class2Improper(CrossTerms, OrientedImproper):
     oriented = "its chi is oriented and chi0 not 0"
 
     def curve(self, p, types, acc):
-        K, _, M1, M2, M3, *t = self.table[types].T
+        K, _, M1, M2, M3, *t = self.columns(types)
         # All three angles have the sign of the volume: their mean squared has none. ω_j/sin ω_k is regular in the
         # plane.
         omega_over_V = (asin_over_sine(p.sin2) * p.scale).sum(axis=0)
@@ -252,7 +252,7 @@ class CosineSquaredImproper(FourAtoms):
         return K, chi0
 
     def evaluate(self, x_tkc, types, U, G, acc: Accumulator) -> int:
-        K, chi0 = self.table[types].T
+        K, chi0 = self.columns(types)
         b, d = x_tkc[:, 1] - x_tkc[:, 0], x_tkc[:, 3] - x_tkc[:, 2]
         bb, dd = np.einsum("tc,tc->t", b, b), np.einsum("tc,tc->t", d, d)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -124,6 +124,10 @@ class BondedTerm(ClusterTerm):
         """Make the `table` (largest type + 1, longest row) of {type: row}."""
         self.table = filled(rows, self.filling)
 
+    def columns(self, types) -> np.ndarray:
+        """The numbers of terms of these types: a row of the result for each column of the table."""
+        return self.table.T.take(types, axis=1)
+
     def keep_refusals(self, refused: Mapping[int, str], where: str = ""):
         """Remember types without forces along distances; if there are no others, the style can compute nothing and that
         is an error at once."""

@@ -111,9 +111,9 @@ class Bodies:
         e = r / length[:, :, None]
         K = np.zeros((a, a, m, 3, 3))
         ee = (e[:, :, :, None] * e[:, :, None, :]).swapaxes(0, 1)
-        for s, t, sign in ((p, p, 1.0), (q, q, 1.0), (p, q, -1.0), (q, p, -1.0)):
-            for b in range(len(p)):
-                K[s[b], t[b]] += sign * ee[b]
+        K[p, q] = K[q, p] = -ee
+        for k in range(a):
+            K[k, k] = -K[k].sum(0)
         K = K.transpose(2, 0, 3, 1, 4).reshape(m, 3 * a, 3 * a)
         y = np.einsum("mkl,ml->mk", np.linalg.pinv(K, rcond=SINGULAR, hermitian=True), F_mac.reshape(m, -1))
         left = F_mac - np.einsum("mkl,ml->mk", K, y).reshape(m, a, 3)
