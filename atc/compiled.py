@@ -26,7 +26,7 @@ from numba.core.targetconfig import ConfigStack
 
 from .errors import AtcWarning
 
-__all__ = ["njit", "specialise"]
+__all__ = ["as_tuple", "njit", "specialise"]
 
 
 def njit(**options):
@@ -71,6 +71,12 @@ def tag_of(*laws) -> str:
         f = law.py_func
         h.update(f"{f.__module__}.{f.__qualname__}".encode() + f.__code__.co_code + repr(f.__code__.co_consts).encode())
     return f"{laws[0].py_func.__name__}_{h.hexdigest()[:12]}"
+
+
+def as_tuple(a):
+    """The numbers of a small array, as a tuple of tuples: what loops take that is the same in every turn. Compiling
+    that reads them costs a fraction of what reading arrays does."""
+    return tuple(map(as_tuple, a)) if np.ndim(a) > 1 else tuple(np.asarray(a).tolist())
 
 
 class _Locator(_CacheLocator):

@@ -10,7 +10,7 @@ from math import ceil
 
 import numpy as np
 
-from ..compiled import njit
+from ..compiled import as_tuple, njit
 from ..errors import AtcError
 from ..kernels import TINY
 from ..kernels.binned import profile_of
@@ -62,12 +62,6 @@ def _array(a, dtype=np.float64):
     """Contiguous and writable: a read-only array is another type to numba, and would have everything compiled again."""
     a = np.ascontiguousarray(a, dtype=dtype)
     return a if a.flags.writeable else a.copy()
-
-
-def as_tuple(a):
-    """The numbers of a small array, as a tuple of tuples: what loops take that is the same in every turn. Compiling
-    that reads them costs a fraction of what reading arrays does."""
-    return tuple(map(as_tuple, a)) if np.ndim(a) > 1 else tuple(np.asarray(a).tolist())
 
 
 class Deposit:
@@ -384,7 +378,8 @@ class PointsDeposit(Deposit):
         r_bc = _array(r_bc)
         for n, pairs in self._pairs(_array(x_nc), _array(i_b, np.int32), r_bc, thread):
             if n:
-                bonds = _points.renumber(n, pairs[1])
+                bonds = np.empty(n, np.int64)
+                bonds = bonds[: _points.renumber(n, pairs[1], bonds)]
                 yield Found(bonds, n, pairs, r_bc[bonds])
 
     def add_found(self, found, b_bk, thread=0):
