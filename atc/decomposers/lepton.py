@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 
 import numpy as np
-from scipy import special
 
 from ..units import Units
 from .pairs.input import fill
@@ -24,6 +23,18 @@ _ROOT_PI = np.sqrt(np.pi)
 
 def _flat(x):
     return np.zeros_like(np.asarray(x, float))
+
+
+def _erf(x):
+    from scipy.special import erf  # a tenth of a second, for few
+
+    return erf(x)
+
+
+def _erfc(x):
+    from scipy.special import erfc
+
+    return erfc(x)
 
 
 # name: (value, slope) as functions of the argument.
@@ -43,8 +54,8 @@ _ONE = {
     "sinh": (np.sinh, np.cosh),
     "cosh": (np.cosh, np.sinh),
     "tanh": (np.tanh, lambda x: 1 / np.cosh(x) ** 2),
-    "erf": (special.erf, lambda x: 2 / _ROOT_PI * np.exp(-x * x)),
-    "erfc": (special.erfc, lambda x: -2 / _ROOT_PI * np.exp(-x * x)),
+    "erf": (_erf, lambda x: 2 / _ROOT_PI * np.exp(-x * x)),
+    "erfc": (_erfc, lambda x: -2 / _ROOT_PI * np.exp(-x * x)),
     "step": (lambda x: np.where(np.asarray(x) >= 0, 1.0, 0.0), _flat),
     "delta": (lambda x: np.where(np.asarray(x) == 0, 1.0, 0.0), _flat),
     "square": (lambda x: x * x, lambda x: 2 * x),

@@ -123,7 +123,7 @@ def chords(n, D_at, Y_at, M_at, E2, D2, Y2, k_lo, k_hi, base2, n2, wrap2, first_
         short += (count > 0.0) & (count <= 4.0)
         poke_int(long_at, long, j)
         long += count > 4.0
-    return short, long, int(points)
+    return short, long, int64(points)
 
 
 @njit(**INLINE)
@@ -393,18 +393,18 @@ def lattice_bonds(
                         k_at,
                     )
                     store4(beta_at, 4 * n_runs, beta)
-                    poke_int(to_at, n_runs, int(peek(row_at, j)) * stride + int(peek(at_at, j)) * n_comp)
+                    poke_int(to_at, n_runs, int64(peek(row_at, j)) * stride + int64(peek(at_at, j)) * n_comp)
                     n_runs += 1
                 for t in range(long):
                     j = peek_int(long_at, t)
                     k = peek(first_at, j)
-                    left = int(peek(count_at, j))
-                    at = int(peek(at_at, j))
+                    left = int64(peek(count_at, j))
+                    at = int64(peek(at_at, j))
                     while left > 0:
                         # Once, unless the chord is longer than what the row of the accumulator or the buffer has to
                         # spare.
                         runs = min(min((left + 3) >> 2, (ext - at) >> 2), most - n_runs)
-                        to = int(peek(row_at, j)) * stride + at * n_comp
+                        to = int64(peek(row_at, j)) * stride + at * n_comp
                         for _ in range(runs):
                             beta = BETA(
                                 ramp4(peek(D_at, j) + k * D2, D2),

@@ -10,11 +10,12 @@ from math import ceil
 
 import numpy as np
 
-from ..compiled import njit
+from ..compiled import as_tuple, njit
 from ..errors import AtcError
 from ..kernels import TINY
 from ..kernels.binned import profile_of
 from ..kernels.lanes import ROOM
+from ..neighbors.cell_list import sorted_by_bin
 from ..simd import ENTRY, specialise
 from . import _lattice, _points, _slab
 
@@ -64,12 +65,6 @@ def _array(a, dtype=np.float64):
     return a if a.flags.writeable else a.copy()
 
 
-def as_tuple(a):
-    """The numbers of a small array, as a tuple of tuples: what loops take that is the same in every turn. Compiling
-    that reads them costs a fraction of what reading arrays does."""
-    return tuple(map(as_tuple, a)) if np.ndim(a) > 1 else tuple(np.asarray(a).tolist())
-
-
 def in_bins(cell, s, support, most):
     """Bins of a cell for points at fractional coordinates s (n, 3), in the cell along periodic axes: about as wide as
     half the support, but not many more of them than points; `most` along an axis.
@@ -85,10 +80,7 @@ def in_bins(cell, s, support, most):
     bins = np.clip((span * cell.heights / edge).astype(np.int64), 1, most)
     scale = bins / span
     at = np.clip(((s - low) * scale).astype(np.int64), 0, bins - 1)
-    flat, many = np.ravel_multi_index(tuple(at.T), tuple(bins)), int(bins.prod())
-    # Small integers are sorted quickly.
-    order = np.argsort(flat.astype(np.min_scalar_type(many)), kind="stable")
-    return (bins, low, scale), order, np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=many))])
+    return (bins, low, scale), *sorted_by_bin(np.ravel_multi_index(tuple(at.T), tuple(bins)), int(bins.prod()))
 
 
 class Deposit:
@@ -394,7 +386,8 @@ class PointsDeposit(Deposit):
         r_bc = _array(r_bc)
         for n, pairs in self._pairs(_array(x_nc), _array(i_b, np.int32), r_bc, thread):
             if n:
-                bonds = _points.renumber(n, pairs[1])
+                bonds = np.empty(n, np.int64)
+                bonds = bonds[: _points.renumber(n, pairs[1], bonds)]
                 yield Found(bonds, n, pairs, r_bc[bonds])
 
     def add_found(self, found, b_bk, thread=0):

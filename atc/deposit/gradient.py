@@ -11,12 +11,12 @@ from functools import cache
 
 import numpy as np
 
-from ..compiled import njit, specialise
+from ..compiled import as_tuple, njit, specialise
 from ..errors import AtcError
 from ..kernels.binned import profile_of
 from ..simd import JIT, address, peek
 from ._points import reached
-from .direct import as_tuple, in_bins
+from .direct import in_bins
 
 # Replaced in each copy (see `compiled.specialise`).
 VALUE = None
@@ -73,7 +73,9 @@ def gather(bound, kernel, cell, x_nc, a_nk, w_n=None, gradient=True, threads=1, 
         rest = (radii, coef, x, a_nk[order], w, start, bins, geometry)
 
         def part(a, b):
-            add(points[a:b], *rest, values[a:b], gradients[a:b])
+            # Room for a gradient and a distance, and to add up the images of an atom.
+            room = (*np.zeros((2, 3)), np.zeros(len(x) * squared), np.zeros(len(x) * squared, np.int64))
+            add(points[a:b], *rest, room, values[a:b], gradients[a:b])
 
         if threads == 1 or len(points) < 2 * threads:
             part(0, len(points))
@@ -119,15 +121,14 @@ def _bins_reached(p0, p1, p2, support, bins, cell):
     )
 
 
-def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, values, gradients):
+def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, room, values, gradients):
     """Points and atoms relative to the cell's origin, atoms sorted by bin."""
     support = radii[0]
     support2 = support * support
     k = a_nk.shape[1]
     moments = len(w_n) > 0
     gradient = len(gradients) > 0
-    g = np.zeros(3)
-    d = np.zeros(3)
+    g, d, _, _ = room
     (n0, n1, n2), _, _ = bins
     (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = cell[0]
     for p in range(len(points)):
@@ -164,17 +165,15 @@ def _gather(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, values, gra
                                         gradients[p, k + b, c] -= a_ * g[c]
 
 
-def _gather_squares(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, values, gradients):
+def _gather_squares(points, radii, coef, x_nc, a_nk, w_n, start, bins, cell, room, values, gradients):
     """Σ_n a_n (Σ_images φ)²: what `_gather` takes, without moments and gradients."""
     support = radii[0]
     support2 = support * support
     k = a_nk.shape[1]
-    g = np.zeros(3)
+    g, _, phi_n, seen = room
     (n0, n1, n2), _, _ = bins
     (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = cell[0]
     x_at = address(x_nc)
-    phi_n = np.zeros(len(x_nc))
-    seen = np.zeros(len(x_nc), np.int64)
     for p in range(len(points)):
         count = 0
         p0, p1, p2 = points[p, 0], points[p, 1], points[p, 2]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..compiled import njit
+from ..compiled import as_tuple, njit
 from ..errors import AtcError
 from ..frame import Cell
 
@@ -66,8 +66,7 @@ class CellList:
         self.cutoff = float(cutoff)
         self.n = n = len(positions)
         periodic = cell.periodic
-        x, s = np.empty((n, 3)), np.empty((n, 3))
-        _fold(positions, cell.origin, np.ascontiguousarray(cell.inverse), cell.vectors, periodic, x, s)
+        x, s = _folded(positions, cell)
         lo = np.zeros(3)
         extent = np.ones(3)
         if n:
@@ -83,11 +82,12 @@ class CellList:
             nb = np.maximum(1.0, np.floor(nb * max(0.5, (limit / nb.prod()) ** (1 / 3) * 0.98)))
         nb = nb.astype(np.int64)
         self.n_bins = nb
-        self.order = np.empty(n, np.int32)
-        self.start = np.empty(int(nb.prod()) + 1, np.int64)
-        self.x_sorted = np.empty((n, 3))
-        _sort_into_bins(x, s, lo, nb / extent, nb, self.order, self.start, self.x_sorted)
+        # What is not a number is in the first bin, near nothing.
+        c = np.fmin(np.fmax((s - lo) * (nb / extent), 0.0), nb - 1.0).astype(np.int64)
+        order, self.start = sorted_by_bin((c[:, 0] * nb[1] + c[:, 1]) * nb[2] + c[:, 2], int(nb.prod()))
+        self.order, self.x_sorted = order.astype(np.int32), x[order]
         self.columns, self.half_from = self._stencil(thickness / nb, extent / nb)
+        self._bins, self._geometry = as_tuple(nb), (as_tuple(cell.vectors), as_tuple(periodic))
         self.most_runs = int((2 * self.columns[:, 2] // nb[2] + 3).sum())
         self._chunks()
 
@@ -135,6 +135,10 @@ class CellList:
     def n_chunks(self) -> int:
         return len(self.chunk_edges) - 1
 
+    def _runs(self):
+        """Room for the runs of atoms around a bin (see `_segments`)."""
+        return np.empty(self.most_runs, np.int64), np.empty(self.most_runs, np.int64), np.empty((self.most_runs, 3))
+
     def half(self, chunk: int, ws: Workspace) -> int:
         """Fill `ws` with every unordered pair whose first atom is in `chunk`; return their number. All chunks together
         give each pair once."""
@@ -143,12 +147,11 @@ class CellList:
                 self.x_sorted,
                 self.order,
                 self.start,
-                self.n_bins,
+                self._bins,
                 self.columns,
-                self.most_runs,
+                self._runs(),
                 self.half_from,
-                self.cell.vectors,
-                self.cell.periodic,
+                *self._geometry,
                 self.cutoff**2,
                 self.chunk_edges[chunk],
                 self.chunk_edges[chunk + 1],
@@ -169,8 +172,8 @@ class CellList:
         only = _EVERY if only is None else only
         while True:
             n = _full(
-                self.x_sorted, self.order, self.start, self.n_bins, self.columns, self.most_runs,
-                self.cell.vectors, self.cell.periodic, self.cutoff**2, self.chunk_edges[chunk],
+                self.x_sorted, self.order, self.start, self._bins, self.columns, self._runs(),
+                *self._geometry, self.cutoff**2, self.chunk_edges[chunk],
                 self.chunk_edges[chunk + 1], only, ws.i, ws.j, ws.r, ws.d2,
             )  # fmt: skip
             if n >= 0:
@@ -231,49 +234,26 @@ def _distance_to_parallelogram(a, b, ox, oy):
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _fold(positions, origin, inverse, vectors, periodic, x, s):
+def _folded(positions, cell):
     """Positions relative to the origin (a box 1e6 lengths away must not cost digits) and their fractions, folded into
     the cell along periodic axes."""
-    d = np.empty(3)
-    for a in range(len(positions)):
-        for c in range(3):
-            d[c] = positions[a, c] - origin[c]
-        for k in range(3):
-            s[a, k] = d[0] * inverse[0, k] + d[1] * inverse[1, k] + d[2] * inverse[2, k]
-        for k in range(3):
-            whole = np.floor(s[a, k])
-            if periodic[k] and whole != 0.0:
-                s[a, k] -= whole
-                for c in range(3):
-                    d[c] -= whole * vectors[k, c]
-        for c in range(3):
-            x[a, c] = d[c]
+    x = positions - cell.origin
+    s = sum(x[:, k, None] * cell.inverse[k] for k in range(3))
+    for k in np.flatnonzero(cell.periodic):
+        whole = np.floor(s[:, k])
+        if whole.any():
+            s[:, k] -= whole
+            x -= whole[:, None] * cell.vectors[k]
+    return x, s
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sort_into_bins(x, s, lo, scale, nb, order, start, x_sorted):
-    """Counting sort of the atoms by bin, in the order of their indices within a bin. scale = bins per unit of s."""
-    n = len(x)
-    flat = np.empty(n, np.int64)
-    start[:] = 0
-    for a in range(n):
-        b = 0
-        for k in range(3):
-            c = int(np.floor((s[a, k] - lo[k]) * scale[k]))
-            c = 0 if c < 0 else (nb[k] - 1 if c > nb[k] - 1 else c)
-            b = b * nb[k] + c
-        flat[a] = b
-        start[b + 1] += 1
-    for b in range(len(start) - 1):
-        start[b + 1] += start[b]
-    place = start.copy()
-    for a in range(n):
-        p = place[flat[a]]
-        place[flat[a]] += 1
-        order[p] = a
-        for c in range(3):
-            x_sorted[p, c] = x[a, c]
+def sorted_by_bin(bin_a, many):
+    """The order of atoms by bin, in that of their indices within a bin, and the first of each of the `many` bins."""
+    # Numbers of sixteen bits are sorted by counting: first by the lower sixteen, then by the rest.
+    order = np.argsort(bin_a.astype(np.uint16), kind="stable")
+    if many > 1 << 16:
+        order = order[np.argsort((bin_a >> 16).astype(np.min_scalar_type(many >> 16))[order], kind="stable")]
+    return order, np.concatenate([[0], np.cumsum(np.bincount(bin_a, minlength=many))])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)
@@ -283,39 +263,42 @@ def _segments(b, c0, home, columns, nb, vectors, periodic, start, lo, hi, shift)
 
     home < 0: full stencil.
     """
-    bz = b % nb[2]
-    by = (b // nb[2]) % nb[1]
-    bx = b // (nb[2] * nb[1])
+    n0, n1, n2 = nb
+    (v00, v01, v02), (v10, v11, v12), (v20, v21, v22) = vectors
+    bz = b % n2
+    by = (b // n2) % n1
+    bx = b // (n2 * n1)
     n = 0
     atoms = 0
     for c in range(c0, len(columns)):
         x = bx + columns[c, 0]
         y = by + columns[c, 1]
-        sx = x // nb[0]
-        sy = y // nb[1]
+        sx = x // n0
+        sy = y // n1
         if (sx != 0 and not periodic[0]) or (sy != 0 and not periodic[1]):
             continue
-        x -= sx * nb[0]
-        y -= sy * nb[1]
-        base = (x * nb[1] + y) * nb[2]
+        x -= sx * n0
+        y -= sy * n1
+        base = (x * n1 + y) * n2
         m = columns[c, 2]
         z = bz - m
         if c == home:
             z = bz
         end = bz + m
         while z <= end:
-            sz = z // nb[2]
-            last = min(end, (sz + 1) * nb[2] - 1)
+            sz = z // n2
+            last = min(end, (sz + 1) * n2 - 1)
             if sz == 0 or periodic[2]:
-                off = sz * nb[2]
+                off = sz * n2
                 at = start[base + z - off]
                 to = start[base + last - off + 1]
                 if to > at:
                     lo[n] = at
                     hi[n] = to
                     atoms += to - at
-                    for k in range(3):
-                        shift[n, k] = sx * vectors[0, k] + sy * vectors[1, k] + sz * vectors[2, k]
+                    shift[n, 0] = sx * v00 + sy * v10 + sz * v20
+                    shift[n, 1] = sx * v01 + sy * v11 + sz * v21
+                    shift[n, 2] = sx * v02 + sy * v12 + sz * v22
                     n += 1
             z = last + 1
     return n, atoms
@@ -340,11 +323,9 @@ def _scan(x, order, xi, yi, zi, a, b, cut2, jout, rout, d2out, n):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _half(x, order, start, nb, columns, most, home, vectors, periodic, cut2, bin0, bin1, iout, jout, rout, d2out):
+def _half(x, order, start, nb, columns, runs, home, vectors, periodic, cut2, bin0, bin1, iout, jout, rout, d2out):
     capacity = len(jout)
-    lo = np.empty(most, np.int64)
-    hi = np.empty(most, np.int64)
-    shift = np.empty((most, 3))
+    lo, hi, shift = runs
     n = np.int64(0)  # not the literal, for which `_scan` would be compiled once more
     for b in range(bin0, bin1):
         a0, a1 = start[b], start[b + 1]
@@ -356,16 +337,15 @@ def _half(x, order, start, nb, columns, most, home, vectors, periodic, cut2, bin
         for s in range(a0, a1):
             xi, yi, zi = x[s, 0], x[s, 1], x[s, 2]
             n0 = n
-            # The first run starts with the home bin itself: only atoms after this one.
-            n = _scan(x, order, xi, yi, zi, s + 1, hi[0], cut2, jout, rout, d2out, n)
-            for k in range(1, m):
+            for k in range(m):
                 n = _scan(
                     x,
                     order,
                     xi - shift[k, 0],
                     yi - shift[k, 1],
                     zi - shift[k, 2],
-                    lo[k],
+                    # The first run starts with the home bin itself: only atoms after this one.
+                    lo[k] if k else s + 1,
                     hi[k],
                     cut2,
                     jout,
@@ -379,11 +359,9 @@ def _half(x, order, start, nb, columns, most, home, vectors, periodic, cut2, bin
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _full(x, order, start, nb, columns, most, vectors, periodic, cut2, bin0, bin1, only, iout, jout, rout, d2out):
+def _full(x, order, start, nb, columns, runs, vectors, periodic, cut2, bin0, bin1, only, iout, jout, rout, d2out):
     capacity = len(jout)
-    lo = np.empty(most, np.int64)
-    hi = np.empty(most, np.int64)
-    shift = np.empty((most, 3))
+    lo, hi, shift = runs
     n = np.int64(0)  # not the literal, for which `_scan` would be compiled once more
     for b in range(bin0, bin1):
         a0, a1 = start[b], start[b + 1]
