@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AtcError, AtcWarning
-from ..estimators.atom_pass import drift_velocity
 from ..estimators.cepstrum import zero_frequency
 from ..estimators.correlation import Plateau, mean_and_error, running_integral, segment_integrals
 from ..estimators.correlation import plateau as find_plateau

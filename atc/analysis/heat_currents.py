@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import AtcError
-from ..estimators.settings import Settings
 from ..estimators.atom_pass import drift_velocity
+from ..estimators.settings import Settings
 from ..readers.planar import matched
 from ..readers.times import Clock
 from ..readers.trajectory import Trajectory
