@@ -8,7 +8,7 @@ import warnings
 from dataclasses import dataclass, field
 
 from ..errors import AtcError, AtcWarning
-from ..readers.trajectory import resolution_of
+from ..readers.trajectory import Trajectory, resolution_of
 from .forces import MODES, SEVERAL, ForceCheck, compare_forces, follows_from
 from .thermo import ThermoCheck, compare_thermo
 
@@ -136,10 +136,10 @@ def _plain(f: FrameCheck, units) -> dict:
 
 def read_log(log, units):
     """A `LammpsLog` from a path, a list of paths or None."""
-    if log is None or hasattr(log, "rows"):
-        return log
     from ..readers.lammps.log import LammpsLog
 
+    if log is None or isinstance(log, LammpsLog):
+        return log
     found = LammpsLog(log, units)
     if found.units.reduced != units.reduced:
         raise AtcError(
@@ -231,7 +231,7 @@ def alarm(
     if mode == "ignore" and log is None:
         return RunCheck(why='the forces of the trajectory were ignored (forces = "ignore")')
     found = examine(frames, pot, log=log, threads=threads, first=first, forces=mode != "ignore")
-    source = what or getattr(frames, "source", "")
+    source = what or (frames.source if isinstance(frames, Trajectory) else "")
     if mode == "must agree" and found.agrees is not True:
         words = "; ".join(found.complaints) or found.text
         raise AtcError(f'{source + ": " if source else ""}forces = "must agree", but {words}')

@@ -4,6 +4,7 @@ of an ASE calculator."""
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
@@ -117,7 +118,7 @@ def to_atoms(frame, symbols=None):
     if symbols is None:
         names = frame.type_names
     else:
-        names = dict(symbols) if hasattr(symbols, "items") else dict(enumerate(symbols, 1))
+        names = dict(symbols) if isinstance(symbols, Mapping) else dict(enumerate(symbols, 1))
     types = np.unique(frame.types).tolist()
     odd = next((t for t in types if names.get(t) not in chemical_symbols[1:]), None)
     if odd is not None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +136,7 @@ def _pairs(ds, theirs, columns, name, file):
                 "are is not in their names: say it, e.g. --column 'density = f_1:grid:data[1]'"
             )
         return pairs
-    if not hasattr(columns, "items"):
+    if not isinstance(columns, Mapping):
         texts, columns = list(columns), {}
         for text in texts:
             key, eq, expression = text.partition("=")

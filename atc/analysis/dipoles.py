@@ -22,10 +22,9 @@ def labels_of(frame) -> np.ndarray | None:
     says which atoms belong together."""
     if frame.molecules is not None:
         return np.asarray(frame.molecules)
-    bonds = getattr(frame.topology, "bonds", None)
-    if bonds is None or not len(bonds):
+    if frame.topology is None or not len(frame.topology.bonds):
         return None
-    return 1 + connected(len(frame), bonds)[1]
+    return 1 + connected(len(frame), frame.topology.bonds)[1]
 
 
 def dipoles_of(frame, axis: int):

@@ -4,6 +4,7 @@ of its atoms diffuse among each other."""
 from __future__ import annotations
 
 import time
+from collections.abc import Sized
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -79,7 +80,7 @@ def heat_currents(frames, pot, *, dt: float | None = None, threads: int | None =
     lists = Following(pot.cutoff)
     if isinstance(frames, (list, tuple, Trajectory)):
         frames, pot = matched(frames, pot)
-    total = len(frames) if hasattr(frames, "__len__") else 0
+    total = len(frames) if isinstance(frames, Sized) else 0
     began = time.perf_counter()
     for frame in frames:
         frame = pot.complete(frame)

@@ -211,7 +211,7 @@ def describe_output(path) -> Report:
             more += ", with standard error" * (f"{name}_stderr" in ds)
             text = f"{attrs.get('long_name', '')} [{attrs.get('units', '')}] over {', '.join(da.dims)}{more}"
             rows.append((name, text))
-            plain = {k: v.item() if hasattr(v, "item") else v for k, v in attrs.items()}
+            plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in attrs.items()}
             fields[name] = {"dims": list(da.dims), **plain}
         data = {"attributes": {k: str(v) for k, v in ds.attrs.items()}, "sizes": dict(ds.sizes), "fields": fields}
         notes = [

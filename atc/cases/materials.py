@@ -44,22 +44,20 @@ def parameters(cls) -> list[str]:
     return [p for p in inspect.signature(cls.__init__).parameters if p != "self"]
 
 
+#: What constants of this name are; of any other a number greater than 0.
+_CONSTANTS = {
+    "volume_correction": Key(boolean, "true or false"),
+    "influence": Key(influence, INFLUENCE_EXPECTED),
+    "surface_correction": Key(_correction, '"energy", or false'),
+    "stabilisation": Key(not_negative, "a number, 0 or more, e.g. 0.1"),
+    "poisson": Key(number, "a number, e.g. 0.25"),
+    "fraction": Key(not_negative, "a share between 0 and 1, e.g. 0.5"),
+    "expansion": Key(number, "a strain per temperature, e.g. 2.6e-6"),
+}
+
+
 def _value(name):
-    if name in ("volume_correction",):
-        return Key(boolean, "true or false")
-    if name == "influence":
-        return Key(influence, INFLUENCE_EXPECTED)
-    if name == "surface_correction":
-        return Key(_correction, '"energy", or false')
-    if name == "stabilisation":
-        return Key(not_negative, "a number, 0 or more, e.g. 0.1")
-    if name in ("poisson",):
-        return Key(number, "a number, e.g. 0.25")
-    if name == "fraction":
-        return Key(not_negative, "a share between 0 and 1, e.g. 0.5")
-    if name == "expansion":
-        return Key(number, "a strain per temperature, e.g. 2.6e-6")
-    return Key(number if name.startswith("lam") else positive, "a number greater than 0")
+    return _CONSTANTS.get(name) or Key(number if name.startswith("lam") else positive, "a number greater than 0")
 
 
 def sampled_well(case, k, material, body) -> None:

@@ -178,17 +178,9 @@ REGION_JSON = {
         *(
             {
                 "type": "object",
-                "properties": {
-                    "shape": {"const": shape},
-                    "lo": {"type": ["number", "array"]},
-                    "hi": {"type": ["number", "array"]},
-                    "axis": {"enum": ["x", "y", "z"]},
-                    "center": {"type": "array", "items": {"type": "number"}},
-                    "radius": {"type": "number", "exclusiveMinimum": 0},
-                    "name": {"type": "string", "pattern": r"\S"},
-                },
+                "properties": {"shape": {"const": shape}, **{key: json_of(check) for key, check in keys.items()}},
                 "required": ["shape", *_needed(shape)],
-                "propertyNames": {"enum": ["shape", *keys]},
+                "additionalProperties": False,
             }
             for shape, keys in SHAPES.items()
         ),

@@ -78,7 +78,7 @@ class Document:
         ------
         AtcError : naming file, line and key, for anything unknown, missing or malformed
         """
-        if isinstance(source, Document):
+        if isinstance(source, cls):
             return source.instead(source.data, overrides)
         if isinstance(source, Mapping):
             return cls(_copied(source))._made(overrides)

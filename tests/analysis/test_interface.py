@@ -81,7 +81,7 @@ def test_wrong_potential_breaks_the_balance():
     scene = Scene.load(FILM, {"trajectory.frames": ":16", "grid.bins": 40})
     data = {s: dict(t) for s, t in scene.data.items()}
     data["potential"] = {"lammps": "pair_style lj/cut 10.215\npair_coeff 1 1 0.32 3.405\npair_modify shift yes"}
-    result = profile_of_scene(Scene.load(data)._placed(scene))
+    result = profile_of_scene(scene.instead(data))
     assert result["normal_deviation"].value > 1.5 * CONSTANT
     assert any("not constant" in doubt for doubt in result.warnings)
 
