@@ -43,6 +43,24 @@ def test_conditions_are_lammpss():
             assert holds(c) == (lmp.extract_variable("r") == "yes"), c
 
 
+@pytest.mark.parametrize("inside", ["print x", "variable k string a", "pair_coeff 1 1 2.0 1.0"])
+def test_conditions_between_lines_that_a_jump_may_skip(inside):
+    """Conditions are looked into where it is not known whether LAMMPS gets to them."""
+    text = (
+        f'variable k string 3.0\npair_style lj/cut 2.5\npair_coeff * * 1.0 1.0\nif "$(pe) > 0" then "jump SELF on"\n'
+        f'if "1 > 2" then "{inside}" else "print y"\nlabel on\npair_coeff 1 1 $k 1.0\n'
+    )
+    why = {
+        "variable k string a": r"line 7: variable k depends on a condition \(.*line 4\)",
+        "pair_coeff 1 1 2.0 1.0": r"line 4: whether this jump skips 'if' \(.*line 5\)",
+    }.get(inside)
+    if why is None:
+        assert atc.potential(text, units="lj").terms[0].styles[0].table[1, 1, 0] == 2.5**2
+        return
+    with pytest.raises(AtcError, match=why):
+        atc.potential(text, units="lj")
+
+
 @pytest.mark.parametrize(
     "c", ["", "1 <", "abc", "1 == abc", "(1", "1)", "abc && abd", "abc < abd", "!abc", "1 ? 2", "((((" * 40]
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 from ...errors import AtcError
 from .atom_commands import MOLECULAR, PROPERTIES, SECTIONS, touches
 from .regions import Region, Trouble
-from .script import Command
+from .script import Command, span_of
 
 
 @dataclass
@@ -239,11 +238,10 @@ class AtomTable:
 
     def _span(self, word: str, kind: str, lowest: int) -> tuple[int, float]:
         word = self._label(kind, word)
-        m = re.fullmatch(r"(\d{0,18})(\*?)(\d{0,18})", word)
-        if not m or not word or (not m.group(2) and m.group(3)):
+        span = span_of(word, lowest)
+        if span is None:
             raise Trouble(f"expected a number or a range such as 2*4, got {word!r}")
-        lo = int(m.group(1) or lowest)
-        return lo, (lo if not m.group(2) else int(m.group(3)) if m.group(3) else np.inf)
+        return span[0], np.inf if span[1] is None else span[1]
 
     def _by(self, prop: str, holds) -> Group:
         """Atoms whose property makes `holds` true."""

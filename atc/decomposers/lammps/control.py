@@ -7,7 +7,7 @@ import os
 from ...errors import AtcError
 from .conditions import holds
 from .script import split_words
-from .unsure import Unsure, inner
+from .unsure import Unsure, lines_in
 from .variables import Unknown
 
 #: Commands that are executed before loops that change nothing are cut short.
@@ -116,7 +116,7 @@ class Control(Unsure):
             except Unknown as e:
                 return self._uncertain(line, file, p, branches, str(e))
             if true:
-                for one in inner(commands, line):
+                for one in lines_in(commands, line):
                     target = self._line(one, file, p)
                     if target is not None:
                         return target

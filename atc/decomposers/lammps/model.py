@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,7 @@ from ..pairs.hybrid import strip_suffix
 from ..pairs.pairs import MAX_TYPES, Pairs
 from ..registry import STYLES, CoeffLine, StyleInput, TypeRange, refusal, supported
 from .data_coeffs import take_data_file
-from .script import Command
+from .script import Command, span_of
 from .state import State
 
 BONDED = ("bond", "angle", "dihedral", "improper")
@@ -191,12 +190,11 @@ def type_range(model: Model, kind: str, word: str, where: str) -> TypeRange:
     label = model.labels.get(kind, {}).get(word)
     if label is not None:
         return TypeRange(label, label)
-    m = re.fullmatch(r"(\d*)(\*?)(\d*)", word)
-    if not m or not word or (not m.group(2) and m.group(3)):
+    span = span_of(word)
+    if span is None:
         known = f" or one of the labels {', '.join(model.labels[kind])}" if model.labels.get(kind) else ""
         raise AtcError(f"{where}: expected a type such as 1, * or 2*4{known}, got {word!r}")
-    lo = int(m.group(1) or 1)
-    hi = lo if not m.group(2) else int(m.group(3)) if m.group(3) else None
+    lo, hi = span
     if lo < 1 or (hi is not None and hi < lo):
         raise AtcError(f"{where}: the types {word!r} are no range of numbers from 1")
     if max(lo, hi or 0) > MAX_TYPES:

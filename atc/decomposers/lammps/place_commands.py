@@ -18,10 +18,8 @@ class Places(AtomTable):
     def _delete_atoms(self, c):
         style, which = (*c.words, "", "")[:2]
         options = dict(zip(c.words[2::2], c.words[3::2], strict=False))
-        if style == "group":
-            gone, why = self.group(which), self.group_why.get(which, "")
-        elif style == "region":
-            gone, why = self._where(which), self.why.get("positions", "")
+        if style in ("group", "region"):
+            gone, why = self._chosen(style, which)
         else:
             gone = Group(np.zeros(len(self.ids), bool), self.alive.copy())
             why = f"delete_atoms {style} chooses atoms by distance or at random"
@@ -176,15 +174,9 @@ class Places(AtomTable):
         shift = np.stack([m % counts[0], m // counts[0] % counts[1], m // (counts[0] * counts[1])], axis=1) @ edges
         old = {p: np.tile(self.unknown[p][here], copies - 1) for p in PROPERTIES}
         groups = {n: [np.tile(a[here], copies - 1) for a in (g.inside, g.unsure)] for n, g in self.groups.items()}
-        new = self._add(
-            np.tile(self.ids[here], copies - 1) + m * top,
-            kept["types"],
-            False,
-            charges=kept["charges"],
-            masses=kept["masses"],
-            molecules=kept["molecules"] + m * molecule,
-            positions=kept["positions"] + shift,
-        )
+        kept["molecules"] += m * molecule
+        kept["positions"] += shift
+        new = self._add(np.tile(self.ids[here], copies - 1) + m * top, kept.pop("types"), False, **kept)
         for p in PROPERTIES:
             self.unknown[p][new] = old[p]
         for name, (inside, unsure) in groups.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,6 +47,15 @@ class Line:
     @property
     def head(self) -> str:
         return self.text.split(None, 1)[0]
+
+
+def span_of(word: str, lowest: int = 1) -> tuple[int, int | None] | None:
+    """First and last (None: open) of ``3``, ``*``, ``2*``, ``*3`` or ``1*3``; None for words that are no such range."""
+    m = re.fullmatch(r"(\d{0,18})(\*?)(\d{0,18})", word)
+    if not m or not word or (not m.group(2) and m.group(3)):
+        return None
+    lo = int(m.group(1) or lowest)
+    return lo, lo if not m.group(2) else int(m.group(3)) if m.group(3) else None
 
 
 def short(where: str) -> str:

@@ -44,7 +44,7 @@ class Unsure:
     def _uncertain(self, line, file, p, branches, why):
         """A condition that is not known: nothing it decides on may matter."""
         for _, commands in branches:
-            for one in inner(commands, line):
+            for one in lines_in(commands, line):
                 self._maybe(one, file, p, why)
 
     def _maybe(self, line: Line, file, p, why: str) -> None:
@@ -100,7 +100,7 @@ class Unsure:
                     _, branches = self._parse_if(line)
                 except (AtcError, Unknown):
                     return line
-                inner = [one for _, commands in branches for one in inner(commands, line)]
+                inner = [one for _, commands in branches for one in lines_in(commands, line)]
                 if not any(i.head == "if" for i in inner) and self._changing(inner) is None:
                     continue
             if name == "fix":
@@ -124,15 +124,15 @@ class Unsure:
             elif words[0] == "next":
                 for v in words[1:]:
                     self.variables.forget(v, f"variable {v} {why}")
-            elif words[0] == "if" and "variable" in words:
+            elif words[0] == "if":
                 try:
                     _, branches = self._parse_if(line)
                 except (AtcError, Unknown):
                     continue
                 for _, commands in branches:
-                    self._forget([one for one in inner(commands, line) if one.head != "if"], why)
+                    self._forget([one for one in lines_in(commands, line) if one.head != "if"], why)
 
 
-def inner(commands, line: Line) -> list[Line]:
+def lines_in(commands, line: Line) -> list[Line]:
     """The lines of commands that stand in another line."""
     return [Line(one.text, line.where) for text in commands for one in logical_lines(text, line.where)]
