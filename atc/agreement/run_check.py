@@ -249,10 +249,8 @@ def verify_scene(scene, frames: str | None = None, threads: int = 1) -> RunCheck
     """
     pot = scene.potential()
     if pot is None:
-        raise AtcError(
-            f'{scene.name}: no [potential] section: there is nothing to verify: give lammps = """pair_style ...""" '
-            '(LAMMPS lines) or input = "in.file"'
-        )
+        give = 'give lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
+        raise scene.need("potential", f"there is nothing to verify: {give}")
     traj, log = scene.trajectory(), scene.log()
     which = _selected(frames, len(traj))
     first = traj[0]

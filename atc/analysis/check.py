@@ -40,7 +40,7 @@ def check_scene(scene, jobs: int = 1) -> Report:
         ("kernel", 'name = "quartic" and radius = 8.0'),
     ):
         if section not in scene.data:
-            raise AtcError(f"{scene.name}: no [{section}] section: the balance laws need one, e.g. {example}")
+            raise scene.need(section, f"the balance laws need one, e.g. {example}")
     options = scene.data.get("check", {})
     traj = scene.trajectory()
     pot, kern, grid = scene.potential(), scene.kernel(), scene.grid()

@@ -136,6 +136,7 @@ def _cell(column, v) -> str:
 
 
 def plain(v):
+    """Numbers and arrays of numpy as Python's own; of anything else its text."""
     if isinstance(v, np.ndarray):
         return v.tolist()
     if isinstance(v, np.generic):

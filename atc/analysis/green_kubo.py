@@ -342,10 +342,8 @@ def conductivity_of_scene(
     threads = cores(jobs)
     pot = scene.potential()
     if pot is None:
-        raise AtcError(
-            f'{scene.name}: no [potential] section: the heat current needs one: lammps = """pair_style ...""" (LAMMPS '
-            'lines) or input = "in.file"'
-        )
+        need = 'the heat current needs one: lammps = """pair_style ...""" (LAMMPS lines) or input = "in.file"'
+        raise scene.need("potential", need)
     currents = heat_currents(scene.trajectory(), pot, dt=dt, threads=threads, progress=progress)
     return _analysed(currents, segments, plateau, longest)
 

@@ -153,7 +153,7 @@ def make_body(case):
         try:
             notches.append(make(*(t[w] for w in words), as_damage=t.get("as_damage", False)))
         except AtcError as e:
-            raise AtcError(f"{case.where('notch', str(k))}: [notch] {e}") from None
+            raise case.wrong(("notch", str(k)), e) from None
     cell = Cell(b["cell"], b.get("origin", (0.0, 0.0, 0.0)), b["periodic"]) if "cell" in b else None
     options = {k: b[k] for k in ("dimension", "plane", "thickness") if k in b}
     options |= {"notches": notches, "cell": cell, "unbonded": case_damage.unbonded(case)}

@@ -56,10 +56,6 @@ class Case(Document):
     sets: dict = field(default_factory=dict, repr=False, compare=False)
     crystals: dict = field(default_factory=dict, repr=False, compare=False)
 
-    def wrong(self, path, why) -> AtcError:
-        """An error at a section: `path` = (section,) or (section, number)."""
-        return AtcError(f"{self.where(*path)}: [{path[0]}] {why}")
-
     def tables_of(self, *sections):
         """(path, table) of every table in sections that may be repeated."""
         for section in sections:

@@ -154,6 +154,10 @@ class Document:
         """An error at a key: `path` = (section, key) or (section, number, key)."""
         return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
 
+    def wrong(self, path: tuple, why) -> AtcError:
+        """An error at a section: `path` = (section,) or (section, number)."""
+        return AtcError(f"{self.where(*path)}: [{path[0]}] {why}")
+
     @contextmanager
     def value_of(self, *path):
         """An error of a lower floor is what is wrong with the value of this key."""

@@ -21,8 +21,8 @@ def overridden(overrides, document):
         flag = f"--set {text}"
         if not eq:
             raise AtcError(f"{flag}: expected SECTION.KEY=VALUE, e.g. --set {document.example}")
-        section, key = path = _setting_path(dotted.strip(), flag, document)
-        yield path, _typed(section, key, value.strip()), flag
+        path = _setting_path(dotted.strip(), flag, document)
+        yield path, _typed(path[1], value.strip()), flag
 
 
 def _setting_path(dotted: str, flag: str, document) -> tuple[str, str]:
@@ -44,13 +44,13 @@ def _setting_path(dotted: str, flag: str, document) -> tuple[str, str]:
     return section, key
 
 
-def _typed(section: str, key: str, text: str):
+def _typed(key: str, text: str):
     """The value a flag means: TOML where it is TOML, else the bare word; ``a,b`` where a list is wanted."""
     try:
         return parse(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
         pass
-    if (section, key) == ("fields", "quantities"):
+    if key == "quantities":
         return [w.strip() for w in text.split(",") if w.strip()]
     if "," in text and not text.startswith("["):
         try:

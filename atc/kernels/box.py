@@ -38,10 +38,6 @@ class Box(Edged):
         coef_mk = np.array([[self.normalisation, *self.size, *self.size[: 3 - self.dimension]]])
         return np.array([self.support * (1.0 + 1e-12)]), coef_mk
 
-    @property
-    def compiled(self):
-        return _COMPILED
-
     def kink_distance(self, d):
         return np.abs(np.abs(d[..., : self.dimension]) - 0.5 * self.size).min(-1)
 
@@ -100,4 +96,4 @@ def _value(d0, d1, d2, r2, radii, coef, g):
     return coef[0, 0] if -h0 <= d0 < h0 and -h1 <= d1 < h1 and -h2 <= d2 < h2 else 0.0
 
 
-_COMPILED = Compiled.pointwise("box", _mean, _value, seconds=2.1e-8)
+Box.compiled = Compiled.pointwise("box", _mean, _value, seconds=2.1e-8)

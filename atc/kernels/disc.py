@@ -30,12 +30,7 @@ class DiscMarginal(Marginal):
     2 (1 − q)]/(k + 2).
     """
 
-    def __init__(self, radii, coef_mk):
-        super().__init__(radii, coef_mk)
-
-    @property
-    def compiled(self):
-        return _COMPILED
+    bin_pieces = Marginal.pieces
 
     def phi(self, z):
         z = np.abs(np.asarray(z, float))
@@ -73,10 +68,6 @@ class DiscMarginal(Marginal):
             u = np.minimum(np.abs(z) / R, 1.0)
             total += R**2 * (_strips(u) @ c)
         return 0.5 + np.sign(z) * total
-
-    @property
-    def bin_pieces(self):
-        return self.pieces
 
     def second(self, z):
         z = np.abs(np.asarray(z, float))
@@ -264,4 +255,4 @@ def _second(z, m, radii_m, coef_mk):
     return R * R * R * total + max(abs(z) - R, 0.0) * R * R * _strip(1.0, coef_mk, m)
 
 
-_COMPILED = CompiledProfile("disc", reciprocals, _mean, _integral, _second)
+DiscMarginal.compiled = CompiledProfile("disc", reciprocals, _mean, _integral, _second)

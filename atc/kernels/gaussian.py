@@ -60,10 +60,6 @@ class Gaussian(Kernel):
     def pieces(self):
         return np.array([self.support]), np.array([[self.normalisation, self.width, self.accuracy]])
 
-    @property
-    def compiled(self):
-        return _COMPILED
-
     def cut(self, beyond):
         from scipy.special import gammaincinv
 
@@ -141,9 +137,7 @@ class GaussianMarginal(Marginal):
     def pieces(self):
         return np.array([self.support]), np.array([[self.normalisation, self.width, Gaussian.accuracy]])
 
-    @property
-    def compiled(self):
-        return _PROFILE
+    bin_pieces = pieces
 
     @property
     def support(self):
@@ -164,10 +158,6 @@ class GaussianMarginal(Marginal):
         from scipy.special import erf
 
         return 0.5 * (1.0 + erf(np.asarray(z, float) / (sqrt(2.0) * self.width)))
-
-    @property
-    def bin_pieces(self):
-        return self.pieces
 
     def second(self, z):
         z = np.asarray(z, float)
@@ -411,7 +401,7 @@ def _value(d0, d1, d2, r2, radii, coef, g):
     return value
 
 
-_COMPILED = Compiled("gaussian", _constants, _beta, _pairs, _value, series=_series, seconds=5e-9)
+Gaussian.compiled = Compiled("gaussian", _constants, _beta, _pairs, _value, series=_series, seconds=5e-9)
 
 
 @njit(**JIT_FMA)
@@ -426,4 +416,4 @@ def _second(z, m, radii_m, coef_mk):
     return z * _integral(z, m, radii_m, coef_mk) + w * w * coef_mk[m, 0] * expm1(-0.5 * (z / w) ** 2)
 
 
-_PROFILE = CompiledProfile("gaussian", _mean_constants, _mean, _integral, _second)
+GaussianMarginal.compiled = CompiledProfile("gaussian", _mean_constants, _mean, _integral, _second)

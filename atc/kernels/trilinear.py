@@ -55,10 +55,6 @@ class Trilinear(Edged):
         # In the plane d_z is 0, and its factor 1.
         return np.array([self.support]), np.array([[self.normalisation, *self.size, *self.size[: 3 - self.dimension]]])
 
-    @property
-    def compiled(self):
-        return _COMPILED
-
     def _factors(self, d):
         """(..., dimension) 1 − |d_a|/h_a"""
         return np.maximum(1.0 - np.abs(np.asarray(d, float)[..., : self.dimension]) / self.size, 0.0)
@@ -178,4 +174,4 @@ def _value(d0, d1, d2, r2, radii, coef, g):
     return n * f0 * f1 * f2
 
 
-_COMPILED = Compiled("trilinear", cartesian_constants, _beta, _pairs, _value, cartesian=True, seconds=2e-8)
+Trilinear.compiled = Compiled("trilinear", cartesian_constants, _beta, _pairs, _value, cartesian=True, seconds=2e-8)

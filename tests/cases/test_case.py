@@ -307,6 +307,20 @@ def test_more_mistakes(tmp_path):
         )
 
 
+def test_flags_are_read_as_those_of_scenes(tmp_path):
+    case = Case.load(write(tmp_path), ["output.quantities=displacement, damage", "body.offset=0.0, 1e-4,0"])
+    assert case.get("output", "quantities") == ["displacement", "damage"]
+    assert case.get("body", "offset") == [0.0, 1e-4, 0]
+    assert case.where("body", "offset") == "--set body.offset=0.0, 1e-4,0"
+    with pytest.raises(AtcError, match=r"^--set run\.stepz=1: unknown key 'stepz' in \[run\]: did you mean 'steps'\?"):
+        Case.load(write(tmp_path), ["run.stepz=1"])
+    with pytest.raises(AtcError, match="did you mean run.steps"):
+        Case.load(write(tmp_path), {"steps": 1})
+    with pytest.raises(AtcError, match=r"there may be several \[\[wall\]\]: edit the case"):
+        Case.load(write(tmp_path), ["wall.stiffness=1"])
+    assert Case.load(Case.load(write(tmp_path)), {"run.steps": 7}).get("run", "steps") == 7
+
+
 # --- interruptions
 
 

@@ -113,3 +113,13 @@ def test_cases(old, new, tmp_path):
     else:
         bad = text.replace(old, new)
     assert bad != text and not CASE.is_valid(tomllib.loads(bad))
+
+
+def test_regions_have_the_keys_of_their_shapes():
+    case = {"regions": {"tip": {"shape": "sphere", "center": [0.0, 0.0, 0.0], "radius": 1.0}}}
+    assert CASE.is_valid(case)
+    for wrong in ({"lo": [0, 0, 0]}, {"radius": -1.0}, {"center": [0.0, 0.0]}, {"center": 1.0}):
+        assert not CASE.is_valid({"regions": {"tip": case["regions"]["tip"] | wrong}}), wrong
+    box = {"shape": "box", "lo": [0, 0, float("-inf")], "hi": [1, 1, float("inf")]}
+    assert CASE.is_valid({"regions": {"a": box, "b": {"not": "a"}, "c": {"any": ["a", box]}}})
+    assert not CASE.is_valid({"regions": {"a": {"shape": "box", "lo": [0, 0, 0]}}})
