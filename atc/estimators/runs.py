@@ -192,7 +192,7 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
     exactly, fields, boxes = MeanFields(keep=True), MeanFields(), MeanFields(keep=True)
     mask, anywhere, thin, grid = None, None, set(), None
 
-    def complete(grid):
+    def mark(grid):
         nonlocal mask, anywhere
         thin.update(thin_sums(grid, work, methods))
         if work.masked:
@@ -207,7 +207,7 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
             common = factors if k == 0 else run.factors(k, factors.per_atom, run.drifts[0])
             add_atoms(here.grid, together, frame, work.site, common)
         else:
-            complete(grid)
+            mark(grid)
         boxes.add([q for q in work.quantities if run.several and q.kind == "box" and not q.parts], grid)
         fields.add(run.each, grid)
         exactly.add(work.elements if run.several else [q for q in work.quantities if q.kind == "grid"], check)
@@ -216,7 +216,7 @@ def sum_up(run: Run, methods, again=frozenset(DEPOSITS), before: RunSums | None 
         grid, check = replace(run.no_sums(0), bond=bonds.grid, size=size), None
         if together is not None:
             grid.site.update(by_name(work.site, SITE, together.site_sums() / len(run.frames)))
-            complete(grid)
+            mark(grid)
     old = before.seconds if before else {"bonds": 0.0, "sites": 0.0}
     seconds = {"bonds": old["bonds"] + bonds_done - start, "sites": old["sites"] + perf_counter() - bonds_done}
     return RunSums(here, reference, bonds, grid, check, exactly, fields, boxes, mask, anywhere, thin, seconds)
