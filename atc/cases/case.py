@@ -23,6 +23,7 @@ from ..config.words import guess
 from ..errors import AtcError
 from .crystals import check as check_crystals
 from .crystals import has_density
+from .materials import bond_based, keys_of
 from .schema import ARRAYS, TABLES
 
 SECTIONS = [*TABLES, *ARRAYS]
@@ -132,10 +133,10 @@ class Case(Document):
                 for key in list(t):
                     if key not in known:
                         why = f"{guess(key, known)}known: {', '.join(known)}"
-                        if section == "material" and t.get("model") == "pmb" and key in ("poisson", "shear"):
+                        if section == "material" and key in ("poisson", "shear") and bond_based(t.get("model")):
                             why = (
-                                "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take "
-                                "lps for another ratio"
+                                f"bonds of {t['model']} fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is "
+                                "all; take lps for another ratio"
                             )
                         raise AtcError(f"{self.where(*path, key)}: unknown key {key!r} in [{section}]: {why}")
                     self._check_key(known[key], t, key, (*path, key))
@@ -147,8 +148,6 @@ class Case(Document):
     def _keys(self, path, table):
         if path[0] != "material":
             return {**TABLES, **ARRAYS}[path[0]]
-        from .materials import keys_of
-
         model = table.get("model")
         if model is None:
             raise self.wrong(path, 'needs model, e.g. model = "pmb"')
