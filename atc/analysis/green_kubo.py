@@ -151,7 +151,9 @@ SI, SI_PLANE = "W/(m K)", "W/K"
 
 
 def _pm(value, error) -> str:
-    """0.291 ± 0.012: the error with two digits, the value to the same place."""
+    """0.291 ± 0.012: the error with two digits, the value to the same place; – where there is no value."""
+    if np.isnan(value):
+        return "–"
     largest = max(abs(value), error)
     if not 1e-13 * largest < error < np.inf or largest < 1e-300:  # nothing to round by, or too small to be scaled
         return f"{value:.4g} ± {error:.2g}"

@@ -21,6 +21,7 @@ from ..config.words import guess, unknown
 from ..errors import AtcError
 from .crystals import check as check_crystals
 from .crystals import has_density
+from .materials import bond_based, keys_of
 from .schema import ARRAYS, TABLES
 
 #: Keys of which tables of these sections need exactly one.
@@ -73,7 +74,7 @@ class Case(Document):
         for section, table in self.data.items():
             if section in ARRAYS:
                 for path, t in self.tables_of(section):
-                    self.check_table(path, t, self._keys(path, t), partial(self._not_of_pmb, t))
+                    self.check_table(path, t, self._keys(path, t), partial(self._not_of_bonds, t))
             elif section != "regions":
                 self.check_table((section,), table, TABLES[section])
         self._check_body()
@@ -82,18 +83,17 @@ class Case(Document):
             self._check_region(region, path)
 
     @staticmethod
-    def _not_of_pmb(table, key) -> str:
-        if table.get("model") != "pmb" or key not in ("poisson", "shear"):
+    def _not_of_bonds(table, key) -> str:
+        if key not in ("poisson", "shear") or not bond_based(table.get("model")):
             return ""
         return (
-            "bonds of pmb fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for another ratio"
+            f"bonds of {table['model']} fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for "
+            "another ratio"
         )
 
     def _keys(self, path, table):
         if path[0] != "material":
             return ARRAYS[path[0]]
-        from .materials import keys_of
-
         model = table.get("model")
         if model is None:
             raise self.wrong(path, 'needs model, e.g. model = "pmb"')

@@ -39,6 +39,13 @@ def models() -> dict:
     return {c.name.lower().replace(" ", "_"): c for c in classes if c is not Material and c.by_numbers}
 
 
+def bond_based(model) -> bool:
+    """Whether a material's bonds know nothing of one another, so that one modulus is all it has."""
+    from ..pd.materials import PMB
+
+    return isinstance(model, str) and model in models() and issubclass(models()[model], PMB)
+
+
 def parameters(cls) -> list[str]:
     """The names of what a material's class takes."""
     return [p for p in inspect.signature(cls.__init__).parameters if p != "self"]
@@ -81,7 +88,7 @@ def sampled_well(case, k, material, body) -> None:
     )
     corrected = ', surface_correction = "energy"' if "surface_correction" in parameters(type(material)) else ""
     advice = "a larger horizon in spacings" + corrected
-    if not off <= MODULI_REFUSE and table["model"] != "pmb":
+    if not off <= MODULI_REFUSE and not bond_based(table["model"]):
         raise AtcError(f"{said}: take {advice}, correspondence or bond-associated")
     warnings.warn(f"{said}; more accurate are {advice}, correspondence or bond-associated", AtcWarning, stacklevel=4)
 

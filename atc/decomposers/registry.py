@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..config.words import guess
 from ..errors import AtcError
 from ..readers.lammps.sections import shortened
 from ..units import Units
@@ -262,7 +263,8 @@ def supported(kind: str) -> str:
 
 
 def refusal(kind: str, name: str) -> str:
-    """What to tell of a style that is not supported: why, if that is known, or which ones are."""
+    """What to tell of a style that is not supported: why, if that is known, or which ones are, the nearest first."""
     from .pairs.unsupported import reason
 
-    return f"{kind}_style {name} is not supported: {reason(kind, name) or f'expected one of {supported(kind)}'}"
+    why = reason(kind, name) or f"{guess(name, STYLES[kind])}expected one of {supported(kind)}"
+    return f"{kind}_style {name} is not supported: {why}"

@@ -277,6 +277,7 @@ def setup_module():
         (2.5e12, 3e10, "(2.500 ± 0.030)e+12"),
         (0.0, 4e-320, "0 ± 4e-320"),
         (1.0, 1e-300, "1 ± 1e-300"),
+        (np.nan, np.nan, "–"),
     ],
 )
 def test_value_and_error(value, error, text):

@@ -367,7 +367,8 @@ def test_what_is_missing_is_said(tmp_path):
         ("bond_style hybrid harmonic harmonic\nbond_coeff 1 harmonic 30 1.5\n", r"line 1: .*names harmonic twice"),
         (
             "bond_style quintic\nbond_coeff 1 1\n",
-            r"line 1: bond_style quintic is not supported: expected one of class2, fene, fene/expand,",
+            r"line 1: bond_style quintic is not supported: did you mean 'quartic'\? expected one of class2, fene, "
+            "fene/expand,",
         ),
     ],
 )

@@ -272,7 +272,10 @@ REFUSED = [
     ("dihedral_style fourier\ndihedral_coeff 1 2 1.0 3 0", "2 terms need 6 numbers"),
     ("dihedral_style nharmonic\ndihedral_coeff 1 3 1.0 3", "takes n and then n coefficients"),
     ("dihedral_style opls\ndihedral_coeff 1 1.0 2", "K1 K2 K3 K4"),
-    ("dihedral_style klass2\ndihedral_coeff 1 1.0 2", "klass2 is not supported: expected one of charmm"),
+    (
+        "dihedral_style klass2\ndihedral_coeff 1 1.0 2",
+        "klass2 is not .*: did you mean 'class2'\\? expected one of charmm",
+    ),
 ]
 
 
