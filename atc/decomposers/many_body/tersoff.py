@@ -20,7 +20,7 @@ from .centred import Centred
 from .elements import mapped_line
 from .entries import OfEntries
 from .tersoff_file import TersoffEntry
-from .tersoff_kernels import SINE, TERSOFF, bond_orders, repulsions
+from .tersoff_kernels import SINE, TERSOFF, bond_orders, repulsion
 from .twin_entries import agree, both, require_alike
 
 #: Columns of the tables of pairs and of triplets, and those of a pair's repulsion that only some variants have.
@@ -73,6 +73,7 @@ class Tersoff(Centred, OfEntries):
     style, word = "tersoff", "Tersoff"
     entry = TersoffEntry
     form = (SINE, TERSOFF, TERSOFF)
+    pair = repulsion
 
     def __init__(
         self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair", shift: float = 0.0
@@ -128,7 +129,8 @@ class Tersoff(Centred, OfEntries):
             require_alike(*twins, alike, f"R, D, A or lambda1 for {one}")
             alike = np.allclose(x[_CORE], y[_CORE], rtol=1e-5, atol=0)
             require_alike(*twins, alike, f"c0 or ZBL numbers for {one}")
-        self.repulsion = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
+        mean = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
+        self.of_pair = self.form[0], self.shift, mean
 
     def _repulsive(self, row):
         """f_C A exp(−λ1 d) in the user's energy unit at distances from three quarters of the cutoff on, where bonds
@@ -153,9 +155,6 @@ class Tersoff(Centred, OfEntries):
             f"{self.style}{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, "
             "outer j-k bonds apart"
         )
-
-    def pairs(self, p0, p1, near, G_p, energies):
-        return repulsions(self.form[0], self.shift, p0, p1, near, self.repulsion, G_p, energies)
 
     def centres(self, s0, s1, most, near, *out):
         return bond_orders(self.form, self.shift, s0, s1, most, near, self.two, self.three, self.weights, *out)
