@@ -54,7 +54,7 @@ class AngularDependent(Centred):
         self.map = ElementMap(elements, used, "pair_style adp")
         take_tables(self, tables, keep)
         self.of_pair = self.zr, self.per_dr
-        energy, length, block = u.to_internal("energy", 1.0), u.to_internal("length", 1.0), np.ix_(keep, keep)
+        energy, length, block = u.energy, u.length, np.ix_(keep, keep)
         self.u = spline(tables.u_eer[block] * (energy**0.5 / length))
         self.w = spline(tables.w_eer[block] * (energy**0.5 / length**2))
 

@@ -92,7 +92,7 @@ class EDIP(Centred, OfEntries):
     def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="equal"):
         entries, names = self.take(entries, elements, units)
         self.share(partition)
-        energy, length = self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
+        energy, length = self.units.energy, self.units.length
         m = len(names)
         self.two, self.three = np.zeros((m, m, 9)), np.zeros((m, m, m, 8))
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):

@@ -135,7 +135,7 @@ class Polymorphic(Centred):
         t = tables
         self.map = ElementMap(elements, t.names, "pair_style polymorphic")
         self.share(partition)
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        energy, length = u.energy, u.length
         nr = t.U.shape[-1]
         self.eam = t.eta == 1
         self.cut, self.xi = t.cut_ee * length, t.xi_ee

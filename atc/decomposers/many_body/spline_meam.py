@@ -151,7 +151,7 @@ class SplineMEAM(Centred):
         if fs.names is None and len(used) > 1:
             raise AtcError(f"pair_style {self.style}: the file is of one element, got {' '.join(used)}")
         self.map = ElementMap(elements, names, f"pair_style {self.style}")
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        energy, length = u.energy, u.length
         zero = [_value(U.rows(), 0.0) for U in fs.U]
         lifted = [Spline(U.x, U.y - z, U.d0, U.d1) for U, z in zip(fs.U, zero, strict=True)]
         self.rho, self.f = _stack([s.rows(length) for s in fs.rho]), _stack([s.rows(length) for s in fs.f])
