@@ -13,7 +13,8 @@ from .centred import Centred
 from .eam_file import EAMTables, read_setfl
 from .elements import ElementMap, mapped_style, named_elements, require_known
 from .embedded_atom import _place, cubic, embedding, spline, take_tables
-from .neighborhood import around, share_half
+from .neighbor_work import law
+from .neighborhood import around
 
 
 class AngularDependent(Centred):
@@ -52,7 +53,8 @@ class AngularDependent(Centred):
         keep = [tables.elements.index(e) for e in used]
         self.map = ElementMap(elements, used, "pair_style adp")
         take_tables(self, tables, keep)
-        energy, length, block = u.to_internal("energy", 1.0), u.to_internal("length", 1.0), np.ix_(keep, keep)
+        self.of_pair = self.zr, self.per_dr
+        energy, length, block = u.energy, u.length, np.ix_(keep, keep)
         self.u = spline(tables.u_eer[block] * (energy**0.5 / length))
         self.w = spline(tables.w_eer[block] * (energy**0.5 / length**2))
 
@@ -70,29 +72,16 @@ class AngularDependent(Centred):
             "half to each; outer bonds apart"
         )
 
-    def pairs(self, p0, p1, near, G_p, energies):
-        return _pairs(p0, p1, near, self.zr, self.per_dr, G_p, energies)
+    @law
+    def pair(ea, eb, d, zr, per_dr):
+        m, x = _place(d, per_dr, zr.shape[2] - 1)
+        z, dz = cubic(zr[ea, eb, m], x, per_dr)
+        u = z / d
+        return u, (dz - u) / (d * d)
 
     def centres(self, s0, s1, most, near, *out):
         tables = self.F, self.rho, self.u, self.w
         return _centres(s0, s1, most, near, tables, self.per_drho, self.rho_end, self.per_dr, *out)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(p0, p1, near, zr, per_dr, G, energies):
-    _, _, _, a, b, _, d, element, atom = near
-    points = zr.shape[2] - 1
-    total = 0.0
-    for p in range(p0, p1):
-        m, x = _place(d[p], per_dr, points)
-        z, dz = cubic(zr[element[a[p]], element[b[p]], m], x, per_dr)
-        u = z / d[p]
-        G[p] = (dz - u) / (d[p] * d[p])
-        if not np.isfinite(G[p] + u):
-            return 0.0, p
-        total += u
-        share_half(energies, atom[a[p]], atom[b[p]], u)
-    return total, -1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

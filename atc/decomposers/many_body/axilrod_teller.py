@@ -52,7 +52,7 @@ class AxilrodTeller(NeighborTerm):
 
     def __init__(self, nu, cutoff: float, cutoff_triple: float, *, units: str | Units = "metal"):
         self.units = u = system(units)
-        factor = u.to_internal("energy", 1.0) * u.to_internal("length", 1.0) ** 9
+        factor = u.energy * u.length**9
         nu = np.asarray(nu, float) * factor
         for what, v in (("cutoff", cutoff), ("cutoff_triple", cutoff_triple)):
             if not (np.isfinite(v) and v > 0):

@@ -17,7 +17,7 @@ from ..registry import pair_style
 from .centred import Centred
 from .elements import mapped_line, mapped_style
 from .entries import Entry, OfEntries
-from .neighborhood import around
+from .neighborhood import around, between_neighbors
 from .twin_entries import require_alike
 
 # Shares of a pair's energy (centre, neighbour) and of a triplet's (centre, each neighbour).
@@ -92,7 +92,7 @@ class EDIP(Centred, OfEntries):
     def __init__(self, entries: dict, elements=None, *, units: str | Units = "metal", partition="equal"):
         entries, names = self.take(entries, elements, units)
         self.share(partition)
-        energy, length = self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
+        energy, length = self.units.energy, self.units.length
         m = len(names)
         self.two, self.three = np.zeros((m, m, 9)), np.zeros((m, m, m, 8))
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
@@ -148,7 +148,6 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
     """φ2 and φ3 of the atoms s0..s1. W is the share of a neighbour; every energy depends on Z too, so its derivative
     goes to all neighbours at the end."""
     start, pair, end, _, _, _, _, element, atom = near
-    out_i, out_j, out_r, out_G, out_D = out
     sources = len(S_end) > 0
     shared = len(energies) > 0
     w_c, w_n, t_c, t_n = weights
@@ -156,6 +155,7 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
     dZ = np.empty(most)  # f'(d)/d: ∂Z/∂ξ
     h, dh = np.empty(most), np.empty(most)  # exp(γ/(d − a)) and its derivative by ξ over it
     G_arm, by_Z = np.empty(most), np.empty(most)  # by_Z[e] : ∂W_e/∂Z
+    G_out = np.empty((most, most))
     grad = np.empty((most, 3))  # ∂U^(centre)/∂x_e, without Z
     S = np.empty((most, most, 3))  # ∂U^(e)/∂x_f, without Z
     g_e, g_f = np.empty(3), np.empty(3)
@@ -164,7 +164,6 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
     for s in range(s0, s1):
         k = around(s, near, who, arm, dist)
         es = element[s]
-        first = n
         Z = 0.0
         for e in range(k):
             row = two[es, element[who[e]]]
@@ -211,10 +210,8 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
             for f in range(e + 1, k):
                 tri = three[es, element[who[e]], element[who[f]]]
                 hh = h[e] * h[f] * tri[0]
+                G_out[e, f] = 0.0
                 if hh == 0.0:
-                    # A place for the bond that only Z may need.
-                    out_G[n] = 0.0
-                    n += 1
                     continue
                 v = 1.0 / (dist[e] * dist[f])
                 cos = (arm[e, 0] * arm[f, 0] + arm[e, 1] * arm[f, 1] + arm[e, 2] * arm[f, 2]) * v
@@ -232,8 +229,7 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
                 go = -by_cos * v
                 G_arm[e] += ge
                 G_arm[f] += gf
-                out_G[n] = go
-                n += 1
+                G_out[e, f] = go
                 total += V
                 U_Z += V_Z
                 center_Z += t_c * V_Z
@@ -265,22 +261,7 @@ def _centres(s0, s1, most, near, two, three, weights, G_end, S_end, out, energie
                         back -= S[e, f, c]
                     S_end[p, side, 0, c] = grad[e, c] - center_Z * dZ[e] * arm[e, c]
                     S_end[p, side, 1, c] = back
-        # What the triplets left at first..n, with names, vectors and sources; those without any are dropped.
-        m = first
-        place = first
-        for e in range(k):
-            for f in range(e + 1, k):
-                g = out_G[place]
-                place += 1
-                keep = g != 0.0
-                out_i[m], out_j[m], out_G[m] = atom[who[e]], atom[who[f]], g
-                for c in range(3):
-                    out_r[m, c] = arm[f, c] - arm[e, c]
-                    if sources:
-                        out_D[m, 0, c], out_D[m, 1, c] = S[e, f, c], S[f, e, c]
-                        keep = keep or S[e, f, c] != 0.0 or S[f, e, c] != 0.0
-                m += 1 if keep else 0
-        n = m
+        n = between_neighbors(k, near, who, arm, G_out, S, sources, out, n)
     return n, total
 
 

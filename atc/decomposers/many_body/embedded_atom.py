@@ -111,7 +111,7 @@ class EmbeddedAtom(Term):
 
 def take_tables(term, tables: EAMTables, keep) -> None:
     """Give a term with units the tables of the elements `keep`, as splines in internal units."""
-    energy, length = term.units.to_internal("energy", 1.0), term.units.to_internal("length", 1.0)
+    energy, length = term.units.energy, term.units.length
     block = np.ix_(keep, keep)
     term.per_dr, term.per_drho = 1.0 / (tables.dr * length), 1.0 / tables.drho
     term.cutoff = float(tables.cutoff * length)

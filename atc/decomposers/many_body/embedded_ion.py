@@ -173,7 +173,7 @@ class EmbeddedIon(NeighborTerm):
             # [i, j]: η_ji, what j gives to i.
             eta[a, b], eta[b, a] = flow, -flow
             psi[a, b] = psi[b, a] = v["A_psi"] * np.exp(-v["zeta"] * r) * cut(v["rs_psi"], v["rc_psi"])
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        energy, length = u.energy, u.length
         self.cutoff = float(cutoff * length)
         self.per_dr = 1.0 / (step * length)
         self.phi, self.eta, self.psi = (spline(t, 0.0) for t in (phi * energy, eta, psi * energy))

@@ -43,7 +43,7 @@ class KIM(Term):
             if e is not None:
                 self.model.code(e)
         u = system("metal")
-        self.length, self.energy = float(u.to_internal("length", 1.0)), float(u.to_internal("energy", 1.0))
+        self.length, self.energy = float(u.length), float(u.energy)
         self.cutoff = 2 * self.model.influence * self.length
 
     def describe(self) -> str:

@@ -106,7 +106,7 @@ class LocalDensity(NeighborTerm):
 
     def __init__(self, parts: list[LocalDensityPart], *, units: str | Units = "real"):
         self.units = u = system(units)
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        energy, length = u.energy, u.length
         top = max(max(p.central + p.neighbors) for p in parts)
         m = len(parts)
         self.central, self.counted = np.zeros((m, top + 1)), np.zeros((m, top + 1))

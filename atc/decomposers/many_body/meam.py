@@ -80,7 +80,7 @@ class MEAM(NeighborTerm):
         self.units = u = system(units)
         p = parameters
         self.map = ElementMap(elements, p.names, "pair_style meam")
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        energy, length = u.energy, u.length
         m = len(p.names)
         phi, step = meam_reference.tables(p)
         self.phi, self.per_dr = spline(phi * energy), 1.0 / (step * length)

@@ -12,17 +12,24 @@ from collections.abc import Callable
 import numpy as np
 
 from ...bonds import Bonds
+from ...compiled import njit
 from ...frame import Frame
 from ..base import Accumulator, Term, Work
 from .neighborhood import Neighborhood, by_place, impossible, runs_of
 from .stillinger_weber_kernels import ODD, sw_index, sw_merge, sw_triplets
 
+JIT = dict(cache=True, nogil=True, error_model="numpy")
 NOTHING = np.zeros(0)
 #: Sources at the ends of pairs, and of bonds, where nobody wants them.
 NO_S = np.zeros((0, 2, 2, 3))
 NO_D = np.zeros((0, 2, 3))
 #: Outer bonds that a task may make: as many as a fresh workspace holds; a dense liquid must not cost memory.
 OUTER_PER_TASK = 1 << 16
+
+
+def law(function):
+    """Decorator of a law that `specialise` compiles into a loop."""
+    return staticmethod(njit(nogil=True, error_model="numpy", forceinline=True)(function))
 
 
 def shares(acc: Accumulator) -> np.ndarray:

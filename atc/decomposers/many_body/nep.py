@@ -61,7 +61,7 @@ class NEP(Edges):
         if self.elements is not None:
             ElementMap(self.elements, file.names, where)  # which says what is wrong with them
         u = system("metal")
-        self.length, self.energy = float(u.to_internal("length", 1.0)), float(u.to_internal("energy", 1.0))
+        self.length, self.energy = float(u.length), float(u.energy)
         self.core = _core(file, where)
         reach = file.rc_radial.max()
         if len(self.core):

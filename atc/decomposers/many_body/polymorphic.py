@@ -16,7 +16,8 @@ from ..bonded.cluster import weights_of
 from .centred import Centred
 from .elements import ElementMap, mapped_style, require_known
 from .embedded_atom import cubic, spline
-from .neighborhood import around, between_neighbors, share_half
+from .neighbor_work import law
+from .neighborhood import around, between_neighbors
 from .parameter_file import LARGE, Rows, read_parameter_file, same_units, word_lines
 from .tersoff import _PAIR
 
@@ -134,7 +135,7 @@ class Polymorphic(Centred):
         t = tables
         self.map = ElementMap(elements, t.names, "pair_style polymorphic")
         self.share(partition)
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        energy, length = u.energy, u.length
         nr = t.U.shape[-1]
         self.eam = t.eta == 1
         self.cut, self.xi = t.cut_ee * length, t.xi_ee
@@ -142,7 +143,7 @@ class Polymorphic(Centred):
         self.per_r = (nr - 1) / self.cut
         self.per_p = (nr - 1) / (2.0 * self.cutoff)
         self.per_g, self.per_x = (t.G.shape[-1] - 1) / 2.0, (t.F.shape[-1] - 1) / t.xmax
-        self.U, self.F = spline(t.U * energy), spline(t.F * energy)
+        self.of_pair, self.F = (self.cut, self.per_r, spline(t.U * energy)), spline(t.F * energy)
         self.V, self.W, self.P, self.G = (spline(x) for x in (t.V, t.W, t.P, t.G))
 
     @classmethod
@@ -165,8 +166,12 @@ class Polymorphic(Centred):
             "outer j-k bonds apart"
         )
 
-    def pairs(self, p0, p1, near, G_p, energies):
-        return _pairs(p0, p1, near, self.cut, self.per_r, self.U, G_p, energies)
+    @law
+    def pair(ea, eb, d, cut, per_r, U):
+        if d >= cut[ea, eb]:
+            return 0.0, 0.0
+        u, du = _at(U[ea, eb], d, per_r[ea, eb])
+        return u, du / d
 
     def centres(self, s0, s1, most, near, *out):
         steps = self.per_r, self.per_p, self.per_g, self.per_x
@@ -181,23 +186,6 @@ def _at(table, x, per_step):
     m = max(1, min(int(p + 0.5), table.shape[0] - 1))
     p -= m
     return cubic(table[m], p, per_step)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(p0, p1, near, cut, per_r, U, G, energies):
-    _, _, _, a, b, _, d, element, atom = near
-    total = 0.0
-    for p in range(p0, p1):
-        ea, eb = element[a[p]], element[b[p]]
-        if d[p] >= cut[ea, eb]:
-            continue
-        u, du = _at(U[ea, eb], d[p], per_r[ea, eb])
-        G[p] = du / d[p]
-        if not np.isfinite(G[p] + u):
-            return 0.0, p
-        total += u
-        share_half(energies, atom[a[p]], atom[b[p]], u)
-    return total, -1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

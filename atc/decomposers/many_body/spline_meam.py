@@ -15,7 +15,8 @@ from ...units import units as system
 from ..registry import pair_style
 from .centred import Centred
 from .elements import ElementMap, mapped_line, named_elements
-from .neighborhood import around, share_half
+from .neighbor_work import law
+from .neighborhood import around
 from .parameter_file import Rows, read_parameter_file, same_units
 
 
@@ -150,10 +151,9 @@ class SplineMEAM(Centred):
         if fs.names is None and len(used) > 1:
             raise AtcError(f"pair_style {self.style}: the file is of one element, got {' '.join(used)}")
         self.map = ElementMap(elements, names, f"pair_style {self.style}")
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        energy, length = u.energy, u.length
         zero = [_value(U.rows(), 0.0) for U in fs.U]
         lifted = [Spline(U.x, U.y - z, U.d0, U.d1) for U, z in zip(fs.U, zero, strict=True)]
-        self.phi = _stack([s.rows(length, energy) for s in fs.phi])
         self.rho, self.f = _stack([s.rows(length) for s in fs.rho]), _stack([s.rows(length) for s in fs.f])
         self.U, self.g = _stack([s.rows(1.0, energy) for s in lifted]), _stack([s.rows() for s in fs.g])
         self.F = _stack([fs.F.rows(length)] if fs.F else [])
@@ -162,6 +162,7 @@ class SplineMEAM(Centred):
         self.index = np.zeros((m, m), np.int64)
         self.index[np.triu_indices(m)] = np.arange(m * (m + 1) // 2)
         self.index = np.maximum(self.index, self.index.T)
+        self.of_pair = _stack([s.rows(length, energy) for s in fs.phi]), self.index
         radial = [*fs.phi, *fs.rho, *fs.f, *([fs.F] if fs.F else [])]
         self.cutoff = float(max(s.x[-1] for s in radial) * length)
 
@@ -179,8 +180,10 @@ class SplineMEAM(Centred):
             "half to each; outer bonds apart"
         )
 
-    def pairs(self, p0, p1, near, G_p, energies):
-        return _pairs(p0, p1, near, self.phi, self.index, G_p, energies)
+    @law
+    def pair(ea, eb, d, phi, index):
+        u, du = _spline(phi[index[ea, eb]], d)
+        return u, du / d
 
     def centres(self, s0, s1, most, near, *out):
         splines = self.rho, self.U, self.f, self.g, self.F, self.G
@@ -216,20 +219,6 @@ def _spline(rows, x):
     c = rows[k]
     y = x - c[0]
     return ((c[1] * y + c[2]) * y + c[3]) * y + c[4], (3.0 * c[1] * y + 2.0 * c[2]) * y + c[3]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _pairs(p0, p1, near, phi, index, G, energies):
-    _, _, _, a, b, _, d, element, atom = near
-    total = 0.0
-    for p in range(p0, p1):
-        u, du = _spline(phi[index[element[a[p]], element[b[p]]]], d[p])
-        G[p] = du / d[p]
-        if not np.isfinite(G[p] + u):
-            return 0.0, p
-        total += u
-        share_half(energies, atom[a[p]], atom[b[p]], u)
-    return total, -1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -153,7 +153,7 @@ class StillingerWeber(OfTriplets):
         self.triplet = np.zeros((m, m, m, 4))
         for (ia, a), (ib, b) in product(enumerate(names), repeat=2):
             e = entries[a, b, b]
-            sigma, energy = u.to_internal("length", e.sigma), u.to_internal("energy", e.epsilon)
+            sigma, energy = e.sigma * u.length, e.epsilon * u.energy
             cut = e.a * sigma
             with np.errstate(over="ignore", invalid="ignore"):
                 powers = np.power(sigma, [e.p, e.q])
@@ -171,7 +171,7 @@ class StillingerWeber(OfTriplets):
                 )
             for ic, c in enumerate(names):
                 t = entries[a, b, c]
-                strength = t.lam * u.to_internal("energy", t.epsilon) if threebody else 0.0
+                strength = t.lam * (t.epsilon * u.energy) if threebody else 0.0
                 self.triplet[ia, ib, ic] = strength, t.costheta0, *self.deltas
         self._symmetric(entries)
         self.same_ends = bool((self.pair[..., 7] == self.pair[..., 7].T).all())

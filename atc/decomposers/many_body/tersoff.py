@@ -20,11 +20,11 @@ from .centred import Centred
 from .elements import mapped_line
 from .entries import OfEntries
 from .tersoff_file import TersoffEntry
-from .tersoff_kernels import SINE, TERSOFF, bond_orders, repulsions
+from .tersoff_kernels import SINE, TERSOFF, bond_orders, repulsion
 from .twin_entries import agree, both, require_alike
 
 #: Columns of the tables of pairs and of triplets, and those of a pair's repulsion that only some variants have.
-_TWO, _THREE, _CORE = 17, 11, [12, 13, 14, 15, 16]
+TWO, _THREE, _CORE = 17, 11, [12, 13, 14, 15, 16]
 _CENTER = ((1.0, 0.0), "bond-order energy V_ij to its center i")
 _PAIR = {
     "pair": ((0.5, 0.5), "bond-order energy V_ij shared half to each of i and j"),
@@ -33,7 +33,8 @@ _PAIR = {
 }
 
 
-def _row(width, *values) -> np.ndarray:
+def row(width, *values) -> np.ndarray:
+    """(width,) the values, and zeros behind them."""
     out = np.zeros(width)
     out[: len(values)] = values
     return out
@@ -73,6 +74,7 @@ class Tersoff(Centred, OfEntries):
     style, word = "tersoff", "Tersoff"
     entry = TersoffEntry
     form = (SINE, TERSOFF, TERSOFF)
+    pair = repulsion
 
     def __init__(
         self, entries: dict, elements=None, *, units: str | Units = "metal", partition="pair", shift: float = 0.0
@@ -81,7 +83,7 @@ class Tersoff(Centred, OfEntries):
         self.share(partition)
         m = len(names)
         self.shift = float(self.units.to_internal("length", shift))
-        self.two = np.zeros((m, m, _TWO))
+        self.two = np.zeros((m, m, TWO))
         self.three = np.zeros((m, m, m, _THREE))
         for (i, a), (j, b), (k, c) in product(enumerate(names), repeat=3):
             e = entries[a, b, c]
@@ -99,22 +101,18 @@ class Tersoff(Centred, OfEntries):
 
     def around(self, e) -> np.ndarray:
         """The row of `three` of an entry, in internal units: R, D, λ3, m, and the angular function's numbers."""
-        u = self.units
-        R, D, lam3 = u.to_internal("length", e.R), u.to_internal("length", e.D), e.lam3 / u.to_internal("length", 1.0)
-        return _row(
-            _THREE, R, D, lam3, e.m, e.gamma, e.c**2, e.d**2, e.costheta0, (1.0 + e.c**2 / e.d**2 if e.c else 1.0)
-        )
+        L, top = self.units.length, 1.0 + e.c**2 / e.d**2 if e.c else 1.0
+        return row(_THREE, e.R * L, e.D * L, e.lam3 / L, e.m, e.gamma, e.c**2, e.d**2, e.costheta0, top)
 
     def between(self, e) -> np.ndarray:
         """The row of `two` of an entry: R, D, A, λ1, B, λ2, and what b(ζ) needs; behind them c0, and strength, length,
         r_C, A_F of a ZBL core."""
-        u, energy, length = self.units, self.units.to_internal("energy", 1.0), self.units.to_internal("length", 1.0)
+        E, L = self.units.energy, self.units.length
         c1, c2 = (
             ((2.0 * e.n * 1e-16) ** (-1.0 / e.n), (2.0 * e.n * 1e-8) ** (-1.0 / e.n)) if e.n > 0 else (np.inf, np.inf)
         )
-        R, D = u.to_internal("length", e.R), u.to_internal("length", e.D)
-        U = R, D, e.A * energy, e.lam1 / length, e.B * energy, e.lam2 / length
-        return _row(_TWO, *U, e.beta, e.n, c1, c2, 1.0 / c2, 1.0 / c1)
+        U = e.R * L, e.D * L, e.A * E, e.lam1 / L, e.B * E, e.lam2 / L
+        return row(TWO, *U, e.beta, e.n, c1, c2, 1.0 / c2, 1.0 / c1)
 
     def _symmetric(self, entries, names):
         """The repulsion of a pair, which LAMMPS takes from one of two entries by the numbering of the atoms, must be
@@ -128,7 +126,8 @@ class Tersoff(Centred, OfEntries):
             require_alike(*twins, alike, f"R, D, A or lambda1 for {one}")
             alike = np.allclose(x[_CORE], y[_CORE], rtol=1e-5, atol=0)
             require_alike(*twins, alike, f"c0 or ZBL numbers for {one}")
-        self.repulsion = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
+        mean = np.ascontiguousarray(0.5 * (self.two + self.two.transpose(1, 0, 2))[..., [0, 1, 2, 3, *_CORE]])
+        self.of_pair = self.form[0], self.shift, mean
 
     def _repulsive(self, row):
         """f_C A exp(−λ1 d) in the user's energy unit at distances from three quarters of the cutoff on, where bonds
@@ -153,9 +152,6 @@ class Tersoff(Centred, OfEntries):
             f"{self.style}{self.map.describe()}, {self.shared}, repulsion half to each atom; one merged bond a pair, "
             "outer j-k bonds apart"
         )
-
-    def pairs(self, p0, p1, near, G_p, energies):
-        return repulsions(self.form[0], self.shift, p0, p1, near, self.repulsion, G_p, energies)
 
     def centres(self, s0, s1, most, near, *out):
         return bond_orders(self.form, self.shift, s0, s1, most, near, self.two, self.three, self.weights, *out)

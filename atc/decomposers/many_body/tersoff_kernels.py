@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
-from .neighborhood import around, between_neighbors, share_half
+from .neighbor_work import law
+from .neighborhood import around, between_neighbors
 
 SINE, MURTY = 0, 1
 TERSOFF, KUMAGAI, GAO_WEBER = 0, 1, 2
@@ -217,27 +218,18 @@ def bond_orders(form, shift, s0, s1, most, near, two, three, weights, G_end, S_e
     return m, total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def repulsions(cut_kind, shift, p0, p1, near, repulsion, G, energies):
-    """G of the repulsion of the pairs p0..p1, and of the core. Returns their energy, and the first pair that is not
-    finite (−1: none)."""
-    _, _, _, a, b, _, d, element, atom = near
-    total = 0.0
-    for p in range(p0, p1):
-        par = repulsion[element[a[p]], element[b[p]]]
-        rp = d[p] + shift
-        fc, dfc = _cutoff(cut_kind, rp, par[0], par[1])
-        e = par[2] * np.exp(-par[3] * rp)
-        u = (e + par[4]) * fc
-        du = (e + par[4]) * dfc - par[3] * e * fc
-        # The core, too, ends at R + D.
-        if par[8] > 0.0 and rp < par[0] + par[1]:
-            far, dfar = _fermi(rp, par[7], par[8])
-            core, dcore = _universal(rp, par[5], par[6])
-            u, du = far * u + (1.0 - far) * core, far * du + dfar * (u - core) + (1.0 - far) * dcore
-        G[p] = du / d[p]
-        if not np.isfinite(G[p] + u):
-            return 0.0, p
-        total += u
-        share_half(energies, atom[a[p]], atom[b[p]], u)
-    return total, -1
+@law
+def repulsion(ea, eb, d, cut_kind, shift, table):
+    """U and U'/d of the repulsion of a pair, and of its core."""
+    par = table[ea, eb]
+    r = d + shift
+    fc, dfc = _cutoff(cut_kind, r, par[0], par[1])
+    e = par[2] * np.exp(-par[3] * r)
+    u = (e + par[4]) * fc
+    du = (e + par[4]) * dfc - par[3] * e * fc
+    # The core, too, ends at R + D.
+    if par[8] > 0.0 and r < par[0] + par[1]:
+        far, dfar = _fermi(r, par[7], par[8])
+        core, dcore = _universal(r, par[5], par[6])
+        u, du = far * u + (1.0 - far) * core, far * du + dfar * (u - core) + (1.0 - far) * dcore
+    return u, du / d

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import AtcError
 from ..registry import pair_style
 from .entries import Entry
-from .tersoff import Tersoff, bond_order_style
+from .tersoff import TWO, Tersoff, bond_order_style, row
 from .tersoff_file import TersoffEntry
 from .tersoff_kernels import GAO_WEBER, KUMAGAI, MURTY, SINE, TERSOFF
 
@@ -83,17 +83,12 @@ class TersoffMod(Tersoff):
     form = (MURTY, KUMAGAI, KUMAGAI)
 
     def around(self, e):
-        R, D = self.units.to_internal("length", e.R), self.units.to_internal("length", e.D)
-        alpha = e.alpha / self.units.to_internal("length", 1.0)
-        return np.array([R, D, alpha, e.beta, 0.0, e.c2, e.c3, e.h, e.c1, e.c4, e.c5])
+        L = self.units.length
+        return np.array([e.R * L, e.D * L, e.alpha / L, e.beta, 0.0, e.c2, e.c3, e.h, e.c1, e.c4, e.c5])
 
     def between(self, e):
-        u = self.units
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
-        R, D = u.to_internal("length", e.R), u.to_internal("length", e.D)
-        out = np.zeros(17)
-        out[:8] = R, D, e.A * energy, e.lam1 / length, e.B * energy, e.lam2 / length, e.eta, e.n
-        return out
+        E, L = self.units.energy, self.units.length
+        return row(TWO, e.R * L, e.D * L, e.A * E, e.lam1 / L, e.B * E, e.lam2 / L, e.eta, e.n)
 
 
 class TersoffModC(TersoffMod):
@@ -104,7 +99,7 @@ class TersoffModC(TersoffMod):
 
     def between(self, e):
         out = super().between(e)
-        out[12] = e.c0 * self.units.to_internal("energy", 1.0)
+        out[12] = e.c0 * self.units.energy
         return out
 
 
@@ -141,9 +136,8 @@ class TersoffZBL(Tersoff):
             )
         out = super().between(e)
         a = 0.8854 * u.to_internal("length", 0.529) / (e.Zi**0.23 + e.Zj**0.23)
-        energy, length = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
-        strength = e.Zi * e.Zj / (4.0 * np.pi * _VACUUM[u.name]) * energy * length
-        out[13:] = strength, a, u.to_internal("length", e.ZBLcut), e.ZBLexpscale / length
+        strength = e.Zi * e.Zj / (4.0 * np.pi * _VACUUM[u.name]) * u.energy * u.length
+        out[13:] = strength, a, e.ZBLcut * u.length, e.ZBLexpscale / u.length
         return out
 
 

@@ -253,7 +253,7 @@ class Vashishta(ThreeBody):
         if not e.rc > 0:
             return np.zeros(11)
         u = self.units
-        E, L = u.to_internal("energy", 1.0), u.to_internal("length", 1.0)
+        E, L = u.energy, u.length
         for key in ("lambda1", "lambda4"):
             if not getattr(e, key) > 0:
                 raise AtcError(f"{e.where}: {key} must be positive, got {getattr(e, key):g}")
@@ -274,10 +274,10 @@ class Vashishta(ThreeBody):
         return np.array([rc, value, slope, 0.0, *numbers])
 
     def arm_row(self, e):
-        return self.units.to_internal("length", e.r0), self.units.to_internal("length", e.gamma)
+        return e.r0 * self.units.length, e.gamma * self.units.length
 
     def triplet_row(self, e):
-        return self.units.to_internal("energy", e.B), e.costheta0, e.C
+        return e.B * self.units.energy, e.costheta0, e.C
 
     def tabulate(self, points: int, inner: float) -> None:
         """From now on take pair energies and forces from tables, as LAMMPS's ``vashishta/table``: so many points,
@@ -347,10 +347,10 @@ class HarmonicTriplets(ThreeBody):
     arm = _PLAIN
 
     def arm_row(self, e):
-        return self.units.to_internal("length", e.cutoff), 0.0
+        return e.cutoff * self.units.length, 0.0
 
     def triplet_row(self, e):
-        return self.units.to_internal("energy", e.K), np.radians(e.theta0), 0.0
+        return e.K * self.units.energy, np.radians(e.theta0), 0.0
 
 
 class ScreenedTriplets(HarmonicTriplets):
@@ -364,9 +364,7 @@ class ScreenedTriplets(HarmonicTriplets):
     def arm_row(self, e):
         if e.cutoff > 0 and not e.rho > 0:
             raise AtcError(f"{e.where}: rho must be positive, got {e.rho:g}")
-        return self.units.to_internal("length", e.cutoff), 1.0 / self.units.to_internal(
-            "length", e.rho
-        ) if e.rho > 0 else 0.0
+        return e.cutoff * self.units.length, 1.0 / (e.rho * self.units.length) if e.rho > 0 else 0.0
 
 
 @pair_style("vashishta/table", mapped=True)
