@@ -90,11 +90,11 @@ class Accumulator:
         if bonds.F_bc is not None:
             self.virial += bonds.virial()
             if self.forces is not None:
-                _add_forces(bonds.i, bonds.j, bonds.F_bc, self.forces)
+                _add_given(bonds.i, bonds.j, bonds.F_bc, self.forces)
         elif self.forces is not None:
-            _add_forces_and_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self.forces, self.virial)
+            self.virial += _symmetric(*_add_forces(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self.forces))
         else:
-            _add_virial(bonds.r_bc, bonds.G_b, self.virial)
+            self.virial += _symmetric(*_virial(bonds.r_bc, bonds.G_b))
 
 
 class Term:
@@ -615,7 +615,7 @@ def _halves(r, G, D):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_forces(i, j, F_bc, forces):
+def _add_given(i, j, F_bc, forces):
     for b in range(len(F_bc)):
         for c in range(3):
             forces[i[b], c] += F_bc[b, c]
@@ -623,7 +623,8 @@ def _add_forces(i, j, F_bc, forces):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_forces_and_virial(i, j, r, G, forces, virial):
+def _add_forces(i, j, r, G, forces):
+    """Add those of bonds; their virial."""
     xx = yy = zz = yz = xz = xy = 0.0
     for b in range(len(G)):
         g = G[b]
@@ -642,11 +643,11 @@ def _add_forces_and_virial(i, j, r, G, forces, virial):
         yz += gy * z
         xz += gx * z
         xy += gx * y
-    _put_symmetric(virial, xx, yy, zz, yz, xz, xy)
+    return xx, yy, zz, yz, xz, xy
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_virial(r, G, virial):
+def _virial(r, G):
     xx = yy = zz = yz = xz = xy = 0.0
     for b in range(len(G)):
         g = G[b]
@@ -657,17 +658,8 @@ def _add_virial(r, G, virial):
         yz += g * y * z
         xz += g * x * z
         xy += g * x * y
-    _put_symmetric(virial, xx, yy, zz, yz, xz, xy)
+    return xx, yy, zz, yz, xz, xy
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)
-def _put_symmetric(virial, xx, yy, zz, yz, xz, xy):
-    virial[0, 0] += xx
-    virial[1, 1] += yy
-    virial[2, 2] += zz
-    virial[1, 2] += yz
-    virial[2, 1] += yz
-    virial[0, 2] += xz
-    virial[2, 0] += xz
-    virial[0, 1] += xy
-    virial[1, 0] += xy
+def _symmetric(xx, yy, zz, yz, xz, xy):
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
