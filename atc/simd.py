@@ -12,6 +12,7 @@ from functools import partial
 
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.errors import TypingError
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
@@ -106,6 +107,33 @@ def maximum4(typingctx, a, b):
 def minimum4(typingctx, a, b):
     """The smaller, lane by lane; b may be a float."""
     return vec4(vec4, vec4 if isinstance(b, Vec4) else types.float64), partial(_choose, "<")
+
+
+def _other_if(comparison, context, builder, sig, args):
+    a, b = args
+    compare = builder.icmp_signed if isinstance(sig.return_type, types.Integer) else builder.fcmp_ordered
+    return builder.select(compare(comparison, b, a), b, a)
+
+
+def _of_one_type(a, b):
+    if a in (types.int64, types.float64) and a == b:
+        return a(a, b)
+    raise TypingError(f"two int64 or two float64 are wanted, not {a} and {b}")
+
+
+# numba's own `max` and `min` of two numbers are functions that it compiles for each type and set of options.
+
+
+@intrinsic
+def greater(typingctx, a, b):
+    """The greater of two integers, or of two floats; the first if one is not a number."""
+    return _of_one_type(a, b), partial(_other_if, ">")
+
+
+@intrinsic
+def lesser(typingctx, a, b):
+    """The lesser of two integers, or of two floats; the first if one is not a number."""
+    return _of_one_type(a, b), partial(_other_if, "<")
 
 
 @intrinsic

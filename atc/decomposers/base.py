@@ -15,7 +15,7 @@ from ..errors import AtcError
 from ..frame import Frame
 from ..neighbors.cell_list import Workspace
 from ..units import Units
-from .bond_sums import add_forces, add_forces_and_virial, add_virial
+from .bond_sums import add_given, virial_of
 
 
 class Worst(float):
@@ -82,11 +82,9 @@ class Accumulator:
         if bonds.F_bc is not None:
             self.virial += bonds.virial()
             if self.forces is not None:
-                add_forces(bonds.i, bonds.j, bonds.F_bc, self.forces)
-        elif self.forces is not None:
-            add_forces_and_virial(bonds.i, bonds.j, bonds.r_bc, bonds.G_b, self.forces, self.virial)
+                add_given(bonds.i, bonds.j, bonds.F_bc, self.forces)
         else:
-            add_virial(bonds.r_bc, bonds.G_b, self.virial)
+            self.virial += virial_of(bonds.r_bc, bonds.G_b, bonds.i, bonds.j, self.forces)
 
 
 class Term:

@@ -27,7 +27,8 @@ def _halves(r, G, D):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_forces(i, j, F_bc, forces):
+def add_given(i, j, F_bc, forces):
+    """Add forces that bonds carry as vectors."""
     for b in range(len(F_bc)):
         for c in range(3):
             forces[i[b], c] += F_bc[b, c]
@@ -35,7 +36,7 @@ def add_forces(i, j, F_bc, forces):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_forces_and_virial(i, j, r, G, forces, virial):
+def _add_forces(i, j, r, G, forces):
     xx = yy = zz = yz = xz = xy = 0.0
     for b in range(len(G)):
         g = G[b]
@@ -54,11 +55,11 @@ def add_forces_and_virial(i, j, r, G, forces, virial):
         yz += gy * z
         xz += gx * z
         xy += gx * y
-    _put_symmetric(virial, xx, yy, zz, yz, xz, xy)
+    return xx, yy, zz, yz, xz, xy
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_virial(r, G, virial):
+def _virial(r, G):
     xx = yy = zz = yz = xz = xy = 0.0
     for b in range(len(G)):
         g = G[b]
@@ -69,17 +70,10 @@ def add_virial(r, G, virial):
         yz += g * y * z
         xz += g * x * z
         xy += g * x * y
-    _put_symmetric(virial, xx, yy, zz, yz, xz, xy)
+    return xx, yy, zz, yz, xz, xy
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True)
-def _put_symmetric(virial, xx, yy, zz, yz, xz, xy):
-    virial[0, 0] += xx
-    virial[1, 1] += yy
-    virial[2, 2] += zz
-    virial[1, 2] += yz
-    virial[2, 1] += yz
-    virial[0, 2] += xz
-    virial[2, 0] += xz
-    virial[0, 1] += xy
-    virial[1, 0] += xy
+def virial_of(r, G, i=None, j=None, forces=None) -> np.ndarray:
+    """(3, 3) Σ G r⊗r; with atoms i, j and their forces, these are added too."""
+    xx, yy, zz, yz, xz, xy = _virial(r, G) if forces is None else _add_forces(i, j, r, G, forces)
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

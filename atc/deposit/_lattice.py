@@ -24,7 +24,9 @@ from ..simd import (
     address,
     ceil4,
     floor4,
+    greater,
     lanes4,
+    lesser,
     load4,
     maximum4,
     minimum4,
@@ -237,7 +239,7 @@ def prepare(
         d2 = (peek(x_at, o + 2) - origin[2]) - offset[2]
         if not isfinite(length + d0 + d1 + d2):
             return -1.0
-        longest = max(longest, length)
+        longest = greater(longest, length)
         f0 = d0 * i00 + d1 * i10 + d2 * i20
         f1 = d0 * i01 + d1 * i11 + d2 * i21
         f2 = d0 * i02 + d1 * i12 + d2 * i22
@@ -345,16 +347,16 @@ def lattice_bonds(
         for m in range(len(radii_m)):
             R = radii_m[m]
             CONSTANTS(length, R, coef_mk, m, r_bc, frame_bcc, b, k_)
-            i = ceil(f0 - max(e0, 0.0) - R * reach0 - 1e-9)
-            i_hi = floor(f0 - min(e0, 0.0) + R * reach0 + 1e-9)
-            j_lo = ceil(f1 - max(e1, 0.0) - R * reach1 - 1e-9)
-            j_hi = floor(f1 - min(e1, 0.0) + R * reach1 + 1e-9)
+            i = ceil(f0 - greater(e0, 0.0) - R * reach0 - 1e-9)
+            i_hi = floor(f0 - lesser(e0, 0.0) + R * reach0 + 1e-9)
+            j_lo = ceil(f1 - greater(e1, 0.0) - R * reach1 - 1e-9)
+            j_hi = floor(f1 - lesser(e1, 0.0) + R * reach1 + 1e-9)
             if not wrap0:
-                i = max(i, -base0)
-                i_hi = min(i_hi, n0 - 1 - base0)
+                i = greater(i, -base0)
+                i_hi = lesser(i_hi, n0 - 1 - base0)
             if not wrap1:
-                j_lo = max(j_lo, -base1)
-                j_hi = min(j_hi, n1 - 1 - base1)
+                j_lo = greater(j_lo, -base1)
+                j_hi = lesser(j_hi, n1 - 1 - base1)
             for j in range(j_lo, j_hi + 1):
                 poke(column_at, j - j_lo, float(folded(base1 + j, n1) if wrap1 else base1 + j))
             while i <= i_hi and j_lo <= j_hi:
@@ -376,7 +378,7 @@ def lattice_bonds(
                     row_at,
                 )
                 short, long, points = chords(
-                    rows, D_at, Y_at, M_at, (R / length) ** 2, D2, Y2, k_lo, k_hi,
+                    rows, D_at, Y_at, M_at, (R / length) * (R / length), D2, Y2, k_lo, k_hi,
                     base2, n2, wrap2, first_at, count_at, at_at, short_at, long_at,
                 )  # fmt: skip
                 visits += points
@@ -403,7 +405,7 @@ def lattice_bonds(
                     while left > 0:
                         # Once, unless the chord is longer than what the row of the accumulator or the buffer has to
                         # spare.
-                        runs = min(min((left + 3) >> 2, (ext - at) >> 2), most - n_runs)
+                        runs = lesser(lesser((left + 3) >> 2, (ext - at) >> 2), most - n_runs)
                         to = int64(peek(row_at, j)) * stride + at * n_comp
                         for _ in range(runs):
                             beta = BETA(

@@ -19,7 +19,9 @@ from ..simd import (
     JIT_FMA,
     address,
     axpy4,
+    greater,
     largest4,
+    lesser,
     load4,
     load_rows4,
     maximum4,
@@ -122,7 +124,7 @@ def near_few(r_at, first, last, end, m, support, cartesian, x_at, apart, n, pair
             store4(at, 4, p2)
             store4(at, 12, depth)
             which = peek_int(x_at, 3 * apart + l)
-            for q in range(min(4, last - b)):
+            for q in range(lesser(4, last - b)):
                 poke(pair_at, n, x if cartesian else peek(at, q))
                 poke(pair_at, most + n, y if cartesian else peek(at, 4 + q))
                 poke(pair_at, 2 * most + n, z if cartesian else peek(at, 8 + q))
@@ -152,7 +154,7 @@ def reached(s, pad, n, periodic):
     lo, hi = floor(s - pad), floor(s + pad)
     if periodic:
         return lo, hi
-    return max(lo, 0), min(hi, n - 1)
+    return greater(lo, 0), lesser(hi, n - 1)
 
 
 @njit(**ENTRY)
@@ -192,7 +194,7 @@ def find_pairs(
     first, w, b = state[0], state[1], state[2]
     while first < n_bonds:
         # Atoms are anywhere in memory.
-        prefetch(x_all_at, 3 * i_b[min(first + _AHEAD, n_bonds - 1)])
+        prefetch(x_all_at, 3 * i_b[lesser(first + _AHEAD, n_bonds - 1)])
         # All bonds in a row that start at the same place.
         o = i_b[first]
         x0, x1, x2 = peek(x_all_at, 3 * o), peek(x_all_at, 3 * o + 1), peek(x_all_at, 3 * o + 2)
@@ -227,14 +229,14 @@ def find_pairs(
             k0 = _bin((s0 - mark_low[0]) * mark_scale[0], marked.shape[0], periodic[0])
             k1 = _bin((s1 - mark_low[1]) * mark_scale[1], marked.shape[1], periodic[1])
             k2 = _bin((s2 - mark_low[2]) * mark_scale[2], marked.shape[2], periodic[2])
-            if min(k0, k1, k2) < 0 or not marked[k0, k1, k2]:
+            if k0 < 0 or k1 < 0 or k2 < 0 or not marked[k0, k1, k2]:
                 first, w, b = last, 0, last
                 continue
         reach = (support + sqrt(longest)) * (1.0 + 1e-12)
         lo0, hi0 = reached((s0 - low[0]) * scale[0], reach * per_height[0] * scale[0] + 1e-9, b0, periodic[0])
         lo1, hi1 = reached((s1 - low[1]) * scale[1], reach * per_height[1] * scale[1] + 1e-9, b1, periodic[1])
         lo2, hi2 = reached((s2 - low[2]) * scale[2], reach * per_height[2] * scale[2] + 1e-9, b2, periodic[2])
-        span0, span1, span2 = max(hi0 - lo0 + 1, 0), max(hi1 - lo1 + 1, 0), max(hi2 - lo2 + 1, 0)
+        span0, span1, span2 = greater(hi0 - lo0 + 1, 0), greater(hi1 - lo1 + 1, 0), greater(hi2 - lo2 + 1, 0)
         end = span0 * span1 * span2
         while w < end:
             # Points in reach, of as many bins as there is room for ...
@@ -273,7 +275,7 @@ def find_pairs(
                         c0 += 1
                         m0 += c0 - m0 * b0 == b0
             # ... and each bond finds its own among them.
-            b = max(b, first)
+            b = greater(b, first)
             if m > 0:
                 few = 0 < m < _FEW and last - b > 1 and m * (last - b) <= full
                 if few and n + m * (last - b) <= full:
@@ -348,7 +350,7 @@ def sum_pairs(
             k = 0
             for l in range(n):
                 D, p2, length2 = peek(pair_at, l), peek(pair_at, most + l), peek(pair_at, 2 * most + l)
-                beyond = D - min(max(D, 0.0), 1.0)
+                beyond = D - lesser(greater(D, 0.0), 1.0)
                 poke(pair_at, k, D)
                 poke(pair_at, most + k, p2)
                 poke(pair_at, 2 * most + k, length2)
@@ -367,7 +369,7 @@ def sum_pairs(
         for l in range(0, n, 4):
             x, y, z = load4(pair_at, l), load4(pair_at, most + l), load4(pair_at, 2 * most + l)
             store4(k_at, 0, BETA(x, y, z, R2, row_at, series_at, bond_at + 8 * l, r_at, k_at))
-            for q in range(min(4, n - l)):
+            for q in range(lesser(4, n - l)):
                 t, b, g = peek(k_at, q), n_comp * peek_int(bond_at, l + q), n_comp * peek_int(point_at, l + q)
                 for c in range(0, n_comp, 4):
                     axpy4(acc_at, g + c, t, load4(b_at, b + c))

@@ -15,6 +15,7 @@ import numpy as np
 from ..compiled import as_tuple, njit
 from ..errors import AtcError
 from ..frame import Cell
+from ..simd import lesser
 
 # Columns of bins around one that are still searched: a cutoff of a thousand times the cell's thickness along two axes.
 _MOST_COLUMNS = 4e6
@@ -287,7 +288,7 @@ def _segments(b, c0, home, columns, nb, vectors, periodic, start, lo, hi, shift)
         end = bz + m
         while z <= end:
             sz = z // n2
-            last = min(end, (sz + 1) * n2 - 1)
+            last = lesser(end, (sz + 1) * n2 - 1)
             if sz == 0 or periodic[2]:
                 off = sz * n2
                 at = start[base + z - off]
