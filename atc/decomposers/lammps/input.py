@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import AtcError
+from ...readers.lammps.sections import number_of
 from ...units import LAMMPS_STYLES, Units, units
 from ..base import Potential, Term, Wrapper
 from ..constraints.virtual_sites import VirtualSites
@@ -80,6 +81,13 @@ class _Model:
     pairs: Pairs | None = None
     #: the lines that give types masses, in order: mass, and pair_coeff where its file has some
     heavy: list[Command] = field(default_factory=list)
+
+    @property
+    def charmm(self) -> bool:
+        """Whether the Coulomb constant is CHARMM's: LAMMPS takes it for all styles as soon as one wants it."""
+        pair = self.styles.get("pair")
+        words = () if pair is None else (pair.name, *map(strip_suffix, pair.args))
+        return self.units.name == "real" and any(w.startswith("lj/charmmfsw/") for w in words)
 
 
 def potential_from_lammps(
@@ -354,10 +362,10 @@ def _labelmap(model: _Model, c: Command) -> None:
 
 
 def _number(word: str, where: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise AtcError(f"{where}: expected a number, got {word!r}") from None
+    value = number_of(word)
+    if value is None:
+        raise AtcError(f"{where}: expected a number, got {word!r}")
+    return value
 
 
 def _float(c: Command, k: int) -> float:
@@ -399,6 +407,11 @@ def _coeff_lines(model: _Model, style: _Style) -> list[CoeffLine]:
         types = tuple(_types(model, kind, w, c.where) for w in c.words[:width])
         if width == 2 and types[0].lo == types[0].hi and types[1].lo == types[1].hi and types[0].lo > types[1].lo:
             types = types[::-1]
+        if width == 2 and types[1].hi is not None and types[1].hi < types[0].lo:
+            raise c.error(
+                f"pair_coeff {' '.join(c.words[:2])} sets no pair of types, as LAMMPS takes those whose first type is "
+                f"not the larger one: write pair_coeff {c.words[1]} {c.words[0]}"
+            )
         out.append(CoeffLine(types, c.words[width:], c.where))
     return out
 
@@ -475,7 +488,7 @@ def _yes(word, what) -> bool:
 
 def _input(model: _Model, style: _Style, lines, n_types: int, **more) -> StyleInput:
     own = {key: getattr(style, key) for key in ("kind", "name", "args", "where")}
-    of_all = {key: getattr(model, key) for key in "units folder dielectric labels masses notes pairs".split()}
+    of_all = {key: getattr(model, key) for key in "units folder dielectric charmm labels masses notes pairs".split()}
     return StyleInput(coeffs=tuple(lines), n_types=n_types, **own, **of_all, **more)
 
 
@@ -507,8 +520,12 @@ def _assemble(model: _Model, name: str) -> Potential:
         model.pairs = next((t for t in terms if isinstance(t, Pairs)), None)
     terms += _long_range(model, terms, name)
     for kind in _BONDED:
-        if kind in model.styles and model.styles[kind].name != "zero":
-            terms += _bonded_terms(model, model.styles[kind])
+        style = model.styles.get(kind)
+        if style is not None and style.name == "zero":
+            lines = _coeff_lines(model, style) if style.lines else []
+            _built(model, style, lines, _n_types(lines))  # nothing, but what is wrong with its lines is said
+        elif style is not None:
+            terms += _bonded_terms(model, style)
     if not terms and "pair" in model.styles:
         terms.append(Nothing())
     if model.restart is not None:
