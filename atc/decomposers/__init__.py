@@ -48,8 +48,10 @@ _STYLES = {
     ),
     "bonded.angle_coupled": "Class2Angle Class2P6Angle CrossAngle",
     "bonded.mesocnt": "MesoBond MesoAngle",
-    "bonded.dihedral": "HarmonicTorsion CharmmTorsion OPLSTorsion MultiHarmonicTorsion NHarmonicTorsion FourierTorsion",
-    "bonded.improper": "HarmonicImproper CvffImproper",
+    "bonded.dihedral": (
+        "HarmonicTorsion CharmmTorsion OPLSTorsion MultiHarmonicTorsion NHarmonicTorsion FourierTorsion ZeroTorsion"
+    ),
+    "bonded.improper": "HarmonicImproper CvffImproper ZeroImproper",
     "bonded.improper_curves": (
         "UmbrellaImproper FourierImproper InversionHarmonicImproper DistanceImproper DistHarmImproper "
         "SqDistHarmImproper RingImproper Class2Improper CosineSquaredImproper"

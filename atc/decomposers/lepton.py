@@ -261,5 +261,5 @@ def _lepton_style(inp: StyleInput):
         return len(formulas), rc if cut is None else cut
 
     which, cutoff = fill(inp, inp.by_pair(read), 2)
-    more = {"shift": inp.modify.shift, "charged": charged, "dielectric": inp.dielectric}
+    more = {"shift": inp.modify.shift, "charged": charged, "dielectric": inp.units.coulomb / inp.coulomb}
     return Lepton(formulas, which.astype(int) - 1, cutoff, inp.units, **more)

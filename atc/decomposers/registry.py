@@ -24,11 +24,14 @@ import numpy as np
 
 from ..config.words import guess
 from ..errors import AtcError
-from ..readers.lammps.sections import shortened
+from ..readers.lammps.sections import number_of, shortened
 from ..units import Units
 
 STYLES: dict[str, dict[str, Callable]] = {kind: {} for kind in ("pair", "bond", "angle", "dihedral", "improper")}
 PAIR_STYLES = STYLES["pair"]
+#: CHARMM's own Coulomb constant in kcal/mol Å/e², which LAMMPS takes in units real for whole models with its
+#: force-shifted styles.
+CHARMM_CONSTANT = 332.0716
 #: Pair styles whose one ``pair_coeff * *`` line maps atom types to elements (NULL: not this style's).
 MAPPED_STYLES: set[str] = set()
 
@@ -128,6 +131,7 @@ class StyleInput:
     where : file and line of the ``*_style`` line, for messages
     modify : Modify
     dielectric : LAMMPS's ``dielectric`` constant
+    charmm : whether a style of the model has CHARMM's Coulomb constant in place of LAMMPS's, which then holds for all
     wanted : (n_types + 1, n_types + 1) bool: pairs of types this style acts on. Others stay without interaction; a
         wanted pair that is neither
         given nor can be mixed is an error. All True except under hybrid.
@@ -147,6 +151,7 @@ class StyleInput:
     where: str
     modify: Modify = Modify()
     dielectric: float = 1.0
+    charmm: bool = False
     wanted: np.ndarray | None = None
     labels: dict = field(default_factory=dict)
     masses: dict = field(default_factory=dict)
@@ -170,6 +175,13 @@ class StyleInput:
 
     def replace(self, **changes) -> StyleInput:
         return replace(self, **changes)
+
+    @property
+    def coulomb(self) -> float:
+        """Coulomb constant over the dielectric constant, internal units."""
+        u = self.units
+        constant = CHARMM_CONSTANT * u.energy * u.length / u.factor("charge") ** 2 if self.charmm else u.coulomb
+        return constant / self.dielectric
 
     @property
     def command(self) -> str:
@@ -206,12 +218,11 @@ class StyleInput:
 
     def number(self, word: str, dimension: str | dict, what: str, line: CoeffLine | None = None) -> float:
         """A number in internal units; `dimension` as in `factor`."""
-        try:
-            v = float(word)
-        except ValueError:
-            raise self.error(f"{self.command}: expected a number for {what}, got {word!r}", line) from None
-        if not np.isfinite(v):
-            raise self.error(f"{self.command}: {what} must be a finite number, got {word!r}", line)
+        v = number_of(word)
+        if v is None:
+            odd = word.lower().lstrip("+-") in ("nan", "inf", "infinity")
+            wanted = f"{what} must be a finite number" if odd else f"expected a number for {what}"
+            raise self.error(f"{self.command}: {wanted}, got {word!r}", line)
         if v < 0 and what.endswith("cutoff"):
             raise self.error(f"{self.command}: the {what} must not be negative, got {word}", line)
         return v * factor(self.units, dimension)
@@ -256,7 +267,7 @@ class StyleInput:
 
 def supported(kind: str) -> str:
     """The names of the styles of a kind, for messages."""
-    names = sorted(set(STYLES[kind]) - {"hybrid"}) + (
+    names = sorted(set(STYLES[kind]) - {"hybrid", "zero"}) + (
         ["hybrid", "hybrid/overlay", "hybrid/scaled", "none"] if kind == "pair" else ["zero", "none"]
     )
     return ", ".join(names)

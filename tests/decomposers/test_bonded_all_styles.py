@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from bonded_systems import melt
 from decomposer_checks import LAMMPS_TOLERANCE
-from lammps_oracle import lammps_session
+from lammps_oracle import lammps_session, run_lammps
 from test_bonded_impropers import IMPROPERS, pyramids
 from test_bonded_torsions import TORSIONS
 from test_decomposers_dihedral import chains
@@ -156,3 +156,50 @@ def test_a_class2_type_needs_all_its_parts(tmp_path):
         atc.potential(lines, "lj")
     with pytest.raises(AtcError, match="line 3: .*M r1 r2, got 2 1"):
         atc.potential(lines.replace("2 1 1", "2 1"), "lj")
+
+
+ZEROS = {
+    "bond": "harmonic 3 1",
+    "angle": "harmonic 3 100",
+    "dihedral": "harmonic 1.5 1 2",
+    "improper": "harmonic 2 10",
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "lines",
+    ["hybrid harmonic zero\n{0}_coeff * {1}\n{0}_coeff 2 zero", "hybrid zero nocoeff harmonic\n{0}_coeff 1 {1}"],
+)
+def test_zero_among_others(kind, lines):
+    config = {"dihedral": lambda: chains(n=12, types=2), "improper": pyramids}.get(kind, melt)()
+    kinds = getattr(config, f"{kind}_types")
+    kinds[kinds > 2] = 2
+    lines = f"{kind}_style " + lines.format(kind, ZEROS[kind]) + "\n"
+    if "nocoeff" in lines:
+        lines += f"{kind}_coeff 2 zero of no matter\n"
+    others = "".join(f"{k}_style zero\n{k}_coeff *\n" for k in KINDS if k != kind and len(getattr(config, f"{k}s")))
+    reach = 5.0 if config.units == "real" else 3.0
+    res = run_lammps(f"pair_style zero {reach}\npair_coeff * *\n{others}{lines}", config)
+    d = atc.potential(others + lines, config.units).decompose(config.frame())
+    u = config.frame().units
+    np.testing.assert_allclose(u.to_user("energy", d.energy), res.energy, rtol=1e-10)
+    np.testing.assert_allclose(
+        u.to_user("force", d.forces_nc), res.forces_nc, rtol=0, atol=1e-10 * np.abs(res.forces_nc).max()
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_lines_of_zero_are_read(kind):
+    """They were not looked at."""
+    size = "r0" if kind == "bond" else "theta0"
+    takes = rf"\[{size}\]" if kind in ("bond", "angle") else "no numbers"
+    for lines, says in (
+        (f"zero\n{kind}_coeff 1 1 2", f"line 4: {kind}_coeff of zero takes {takes}, got 1 2"),
+        (f"zero\n{kind}_coeff 0", "line 4: the types '0' are no range"),
+        (f"zero\n{kind}_coeff x", "line 4: expected a type"),
+        (f"zero full\n{kind}_coeff 1", f"line 3: {kind}_style zero takes nothing or nocoeff, got full"),
+    ):
+        with pytest.raises(AtcError, match=says):
+            atc.potential(f"pair_style lj/cut 2\npair_coeff * * 1 1\n{kind}_style {lines}", "lj")
+    atc.potential(f"pair_style lj/cut 2\npair_coeff * * 1 1\n{kind}_style zero nocoeff\n{kind}_coeff 1 x y", "lj")

@@ -26,6 +26,14 @@ def test_formulas_agree_with_lammps(cell):
     agrees(melt(cell, unit_style="nano"), BOND + ANGLE)
 
 
+@pytest.mark.parametrize("word", ["auto_offset", "no_offset"])
+def test_energies_at_the_references(word):
+    lines = BOND.replace("lepton\n", f"lepton {word}\n", 1) + ANGLE.replace("lepton\n", f"lepton {word}\n", 1)
+    d = agrees(melt(), lines)
+    same = d.energy == atc.potential(BOND + ANGLE, "lj").decompose(melt().frame()).energy
+    assert same == (word == "auto_offset")
+
+
 def test_torsion_formulas_agree_with_lammps():
     config = chains("tilted", n=12, types=2)
     lines = ["dihedral_style lepton", *TORSION]
@@ -42,6 +50,10 @@ def test_torsion_formulas_agree_with_lammps():
 
 
 def test_formulas_that_are_refused():
+    with pytest.raises(AtcError, match="line 1: bond_style lepton takes auto_offset or no_offset, got offset"):
+        atc.potential('bond_style lepton offset\nbond_coeff 1 1.1 "r"', "real")
+    with pytest.raises(AtcError, match="line 1: dihedral_style lepton takes no arguments, got no_offset"):
+        atc.potential('dihedral_style lepton no_offset\ndihedral_coeff 1 "cos(phi)"', "real")
     with pytest.raises(
         AtcError, match="dihedral type 1 of style lepton: its formula is not the same for phi and -phi: .*mirror image"
     ):
@@ -74,14 +86,14 @@ def test_objects_are_what_the_lines_say():
     assert LeptonTorsion({1: "cos(phi)"}, units="lj").describe().startswith("dihedral lepton")
 
 
-@pytest.mark.parametrize("name", ["spica", "sdk"])
-def test_spica_angles_repel_at_their_ends(name):
+@pytest.mark.parametrize("name, other", [("spica", "lj12_6"), ("sdk", "lj12_6"), ("spica", "lj12_5")])
+def test_spica_angles_repel_at_their_ends(name, other):
     config = melt(unit_style="real", scale=2.0)
     config.types = np.arange(len(config.positions)) % 2 + 1
     config.masses, config.ntypes = {1: 1.0, 2: 1.0}, 2
     pair = (
         f"special_bonds lj/coul 0 0 1\npair_style lj/{name} 6.0\npair_coeff 1 1 lj9_6 0.4 3.9\npair_coeff 1 2 lj12_4 "
-        "0.3 4.1\npair_coeff 2 2 lj12_6 0.2 3.6\n"
+        f"0.3 4.1\npair_coeff 2 2 {other} 0.2 3.6\n"
     )
     agrees(
         config,

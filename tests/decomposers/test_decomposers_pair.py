@@ -268,6 +268,8 @@ def test_table_too_close_is_named(tmp_path, monkeypatch):
         ("PAIR\nN 3\n\n1 1.0 1 1\n2 x 1 1\n3 3 1 1\n", "t:5: .*line 2 of them"),
         ("PAIR\nN 3\n\n1 1.0 1 1\n2 0.5 1 1\n3 3 1 1\n", "increase"),
         ("PAIR\nN 3 BITMAP 1 2\n\n", "BITMAP"),
+        # LAMMPS has it in tables of bonds and angles only.
+        ("PAIR\nN 3 FP 1 2\n\n1 1.0 1 1\n2 2 1 1\n3 3 1 1\n", r"t:2: .*\[FPRIME <lo> <hi>\], got 'N 3 FP 1 2'"),
         ("PAIR\nN\n\n", "t:2: "),
         ("PAIR\n", "parameter line"),
     ],

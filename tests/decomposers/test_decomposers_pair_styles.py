@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from lammps_oracle import Config, lammps_session
+from lammps_oracle import Config, lammps_session, run_lammps
 from test_decomposers_pair import BOXES, agree, config
 
 import atc
@@ -129,6 +129,11 @@ STYLES = {
         "pair_style lj/spica 7.9\npair_coeff * * lj12_4 0.2 3.0\npair_coeff 1 2 lj9_6 0.1 2.8 6.5\npair_coeff 3 3 "
         "lj12_6 0.15 3.3 7.0\npair_modify shift yes",
     ),
+    "lj/spica 12-5": (
+        "real",
+        "pair_style lj/spica 7.9\npair_coeff * * lj12_5 0.2 3.0\npair_coeff 1 2 lj12_6 0.1 2.8 6.5\npair_modify shift "
+        "yes",
+    ),
     "lj/sdk": ("real", "pair_style lj/sdk 7.9\npair_coeff * * lj9_6 0.2 3.0"),
     "lj/mdf": (
         "real",
@@ -184,6 +189,17 @@ STYLES = {
         "metal",
         "pair_style born/gauss 7.9\npair_coeff * * 80.0 2.1 0.3 0.7 3.1\npair_coeff 1 2 90.0 2.0 0.2 0.8 3.0 "
         "6.5\npair_modify shift yes",
+    ),
+    "born/gauss cutoff 0": (
+        "metal",
+        "pair_style hybrid/overlay born/gauss 7.0 lj/cut 6.0\npair_coeff 1 1 born/gauss 80.0 2.1 0.3 0.7 3.1 0\n"
+        "pair_coeff 2 3 born/gauss 90.0 2.0 0.2 0.8 3.0\npair_coeff * * lj/cut 0.01 3.0",
+    ),
+    # LAMMPS's constant is CHARMM's for all of them.
+    "lj/charmmfsw/coul/charmmfsh beside others": (
+        "real",
+        "dielectric 1.3\npair_style hybrid/overlay lj/charmmfsw/coul/charmmfsh 6.0 7.9 coul/cut 6.0 coul/dsf 0.2 5.0\n"
+        "pair_coeff 1 * lj/charmmfsw/coul/charmmfsh 0.2 3.0\npair_coeff 2 2* coul/cut\npair_coeff 3 3 coul/dsf",
     ),
     "gauss": (
         "lj",
@@ -260,6 +276,15 @@ STYLES = {
         "lj",
         "pair_style colloid 3.0\npair_coeff 1 1 39.5 0.3 0.5 0.5\npair_coeff 2 2 144.0 0.4 0.6 0.6 2.5\npair_coeff 3 "
         "3 30.0 0.3 0.4 0.4\npair_modify mix arithmetic",
+    ),
+    "harmonic/cut mixed": (
+        "lj",
+        "pair_style harmonic/cut\npair_coeff 1 1 1.0 1.5\npair_coeff 2 2 2.3 1.9\npair_coeff 3 3 0.7 1.3\npair_modify "
+        "mix sixthpower",
+    ),
+    "harmonic/cut geometric": (
+        "lj",
+        "pair_style harmonic/cut\npair_coeff 1 1 1.0 1.5\npair_coeff 2 2 2.3 1.9\npair_coeff 3 3 0.7 1.3",
     ),
     "harmonic/cut": ("lj", "pair_style harmonic/cut\npair_coeff * * 1.0 1.5\npair_coeff 1 2 2.0 2.2"),
     "lj/cut/soft": (
@@ -395,6 +420,28 @@ DPD = {
         "hybrid",
     ),
 }
+
+
+@pytest.mark.parametrize(
+    "lines, says",
+    [
+        # LAMMPS refuses them too; they were taken for lines of no pair, and for the numbers that Python sees in them.
+        ("lj/cut 2.5\npair_coeff * * 1 1\npair_coeff 2*3 1 1 2", r"line 3: pair_coeff 2\*3 1 sets no pair of types"),
+        ("lj/cut 2.5\npair_coeff * * 1 1\npair_coeff 3 *2 1 2", r"line 3: .*write pair_coeff \*2 3"),
+        ("lj/cut 2.5\npair_coeff * * 1 1_0", "line 2: .*expected a number for sigma, got '1_0'"),
+        ("lj/cut 2.5\npair_coeff * * 1 ٣", "line 2: .*expected a number for sigma"),
+        ("lj/cut 2.5\npair_coeff * * 1 nan", "line 2: .*sigma must be a finite number, got 'nan'"),
+        ("lj/cut 2.5\npair_coeff * * 1 1\nspecial_bonds lj 0 0_1 1", "line 3: .*three weights"),
+        ("colloid 3\npair_coeff * * 30 0.3 0.4 0.5", "line 2: .*d1 and d2 must be equal for a type with itself"),
+    ],
+)
+def test_lines_that_lammps_refuses(lines, says):
+    c = config("orthogonal", "lj")
+    with pytest.raises(AtcError, match=says) as e:
+        atc.potential(f"pair_style {lines}", units="lj")
+    assert "\n" not in str(e.value)
+    with pytest.raises(Exception):  # noqa: B017 (LAMMPS's own)
+        run_lammps(f"pair_style {lines}", c)
 
 
 @pytest.mark.parametrize("style", DPD)

@@ -130,6 +130,17 @@ def test_eim_agrees_with_lammps(names, a, tilt):
     agrees_with_lammps(potential(eim(names), config), eim(names), config)
 
 
+@pytest.mark.parametrize("file, model", [("metal", "real"), ("real", "metal")])
+def test_eim_energies_are_converted_as_lammps_does(tmp_path, file, model):
+    path = tmp_path / "ffield.eim"
+    path.write_text(FIELD.read_text().replace("UNITS: metal", f"UNITS: {file}"))
+    config = crystal(5.6, n=(1, 1, 1), kinds=2, basis=ROCK_SALT, jitter=0.3)
+    config.units = model
+    with pytest.warns(atc.errors.AtcWarning, match=f"converted from {file} to {model} units, as LAMMPS does"):
+        pot = potential(eim("Na Cl", path=path), config)
+    agrees_with_lammps(pot, eim("Na Cl", path=path), config)
+
+
 def test_eim_types_overlay_and_sources():
     config = crystal(5.5, n=(2, 1, 1), kinds=3, basis=ROCK_SALT, jitter=0.3)
     agrees_with_lammps(potential(eim("Na Cl", "Na Cl Cl"), config), eim("Na Cl", "Na Cl Cl"), config)
@@ -177,7 +188,7 @@ def test_damaged_eim(tmp_path):
         ("global:", "golbal:", "expected global:, element: or pair:"),
         ("9.3000e-01", "x", "negativity must be a number"),
         ("pair:  Na  Cl", "pair:  Na  Xx", "no pair: line for Na and Cl"),
-        ("UNITS: metal", "UNITS: real", "LAMMPS does not convert EIM"),
+        ("UNITS: metal", "UNITS: lj", "only metal and real convert"),
     ):
         path = tmp_path / "ffield.eim"
         assert old in text

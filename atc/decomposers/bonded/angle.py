@@ -184,6 +184,8 @@ class CharmmAngle(AngleStyle):
 class ZeroAngle(Idle, AngleStyle):
     """Angles that exert no force (LAMMPS ``angle_style zero``)."""
 
+    at_rest = (("theta0", degrees),)
+
 
 class TableAngle(AngleStyle):
     """U(θ) and −U'(θ) interpolated in a LAMMPS angle table (``angle_style table linear|spline N``). sin θ is clamped at

@@ -147,6 +147,8 @@ class FeneExpandBond(FeneBond):
 class ZeroBond(Idle, BondStyle):
     """Bonds that exert no force (LAMMPS ``bond_style zero``)."""
 
+    at_rest = (("r0", length),)
+
 
 class TableBond(BondStyle):
     """U(d) and −U'(d) interpolated in a LAMMPS bond table (``bond_style table linear|spline N``; with linear the two

@@ -22,7 +22,7 @@ from ...compiled import njit
 from ...errors import AtcError
 from ..base import Accumulator
 from .cluster import first_not_finite
-from .topology import MirrorError, RowTerm, SharedTerm, energy, plain
+from .topology import Idle, MirrorError, RowTerm, SharedTerm, energy, plain
 from .topology import whole as _whole
 
 #: sin θ below which the collinear continuation holds
@@ -45,6 +45,12 @@ class FourAtoms(SharedTerm):
     def partitions(self) -> Mapping[str, str]:
         # Which atom of an improper is its centre is each model's own convention.
         return {"equal": "equal", "center": "inner"} if self.kind == "dihedral" else {"equal": "equal"}
+
+
+class ZeroTorsion(Idle, FourAtoms):
+    """Torsions that exert no force (LAMMPS ``dihedral_style zero``)."""
+
+    kind = "dihedral"
 
 
 class CurveTorsion(FourAtoms):

@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base import Accumulator
-from .dihedral import CurveTorsion, HarmonicTorsion
-from .topology import degrees, energy
+from .dihedral import CurveTorsion, FourAtoms, HarmonicTorsion
+from .topology import Idle, degrees, energy
 
 # LAMMPS's SMALL: the least sin χ that is divided by at a kink.
 _SMALL = 0.001
@@ -48,6 +48,12 @@ class HarmonicImproper(CurveTorsion):
         )
         kink = np.where(kinked, off / np.maximum(sin, self.small), 0.0)
         return K * (sign * angle + off) ** 2, -2.0 * K * (regular + kink)
+
+
+class ZeroImproper(Idle, FourAtoms):
+    """Impropers that exert no force (LAMMPS ``improper_style zero``)."""
+
+    kind = "improper"
 
 
 class CvffImproper(HarmonicTorsion):

@@ -29,7 +29,8 @@ def formula_of(text: str, variable: str, units) -> LeptonFormula:
 
 
 class _Formulas:
-    """What the three share: {type: (reference, formula)}; the energy is 0 at the reference where there is one.
+    """What the three share: {type: (reference, formula)}; the energy is 0 at the reference where there is one
+    (unless LAMMPS's line says no_offset).
 
     coeffs : {type: (reference, text)}, or {type: text} of torsions; references in LAMMPS's units (length, degrees)
     units, partition : as for other styles
@@ -38,6 +39,18 @@ class _Formulas:
     name = "lepton"
     variable = "r"
     has_reference = True
+    #: whether the energy at the reference is taken off (LAMMPS's auto_offset)
+    offset = True
+
+    @classmethod
+    def build(cls, inp):
+        if inp.args not in ((), *(((word,) for word in ("auto_offset", "no_offset")) if cls.has_reference else ())):
+            raise inp.wrong(
+                f"{inp.command} takes {'auto_offset or no_offset' if cls.has_reference else 'no arguments'}"
+            )
+        self = cls._from_input(inp.by_type(lambda line: cls.read(inp, line)), inp)
+        self.offset = inp.args != ("no_offset",)
+        return self
 
     @classmethod
     def size(cls, u) -> float:
@@ -77,7 +90,7 @@ class _Formulas:
                 mine = types == t
                 reference, formula = self.formulas[int(t)]
                 u, du = formula((x[mine] - reference) / size)
-                U[mine] = u - (formula(np.zeros(1))[0][0] if self.has_reference else 0.0)
+                U[mine] = u - (formula(np.zeros(1))[0][0] if self.has_reference and self.offset else 0.0)
                 slope[mine] = du
         return U * self.units.energy, slope * (self.units.energy / size)
 

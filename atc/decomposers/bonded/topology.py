@@ -238,9 +238,19 @@ class Idle:
     `BondedTerm`."""
 
     name = "zero"
+    #: the size that a line may give, which other commands ask for
+    at_rest: tuple = ()
+
+    @classmethod
+    def build(cls, inp):
+        if inp.args not in ((), ("nocoeff",)):
+            raise inp.wrong(f"{inp.command} takes nothing or nocoeff")
+        return cls._from_input(inp.by_type(lambda line: cls.read(inp, line)), inp)
 
     @classmethod
     def read(cls, inp, line):
+        if not inp.args:  # with nocoeff LAMMPS does not look at them
+            inp.numbers(line.words, cls.at_rest, line, optional=len(cls.at_rest))
         return ()
 
     def describe(self):

@@ -35,8 +35,12 @@ def assemble(model: Model, name: str) -> Potential:
         model.pairs = next((t for t in terms if isinstance(t, Pairs)), None)
     terms += _long_range(model, terms, name)
     for kind in BONDED:
-        if kind in model.styles and model.styles[kind].name != "zero":
-            terms += _bonded_terms(model, model.styles[kind])
+        style = model.styles.get(kind)
+        if style is not None and style.name == "zero":
+            lines = coeff_lines(model, style) if style.lines else []
+            build_style(model, style, lines, count_types(lines))  # nothing, but what is wrong with its lines is said
+        elif style is not None:
+            terms += _bonded_terms(model, style)
     if not terms and "pair" in model.styles:
         terms.append(Nothing())
     if model.restart is not None:

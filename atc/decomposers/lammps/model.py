@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...errors import AtcError
+from ...readers.lammps.sections import number_of
 from ...units import LAMMPS_STYLES, Units, units
 from ..pairs.exclusions import Exclusions, exclusions_of
 from ..pairs.hybrid import strip_suffix
@@ -56,6 +57,13 @@ class Model:
     pairs: Pairs | None = None
     #: the lines that give types masses, in order: mass, and pair_coeff where its file has some
     heavy: list[Command] = field(default_factory=list)
+
+    @property
+    def charmm(self) -> bool:
+        """Whether the Coulomb constant is CHARMM's: LAMMPS takes it for all styles as soon as one wants it."""
+        pair = self.styles.get("pair")
+        words = () if pair is None else (pair.name, *map(strip_suffix, pair.args))
+        return self.units.name == "real" and any(w.startswith("lj/charmmfsw/") for w in words)
 
 
 def gather(state: State, name: str, folder: Path, units_, script: bool) -> Model:
@@ -173,10 +181,10 @@ def _labelmap(model: Model, c: Command) -> None:
 
 
 def _number(word: str, where: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise AtcError(f"{where}: expected a number, got {word!r}") from None
+    value = number_of(word)
+    if value is None:
+        raise AtcError(f"{where}: expected a number, got {word!r}")
+    return value
 
 
 def _float(c: Command, k: int) -> float:
@@ -218,6 +226,11 @@ def coeff_lines(model: Model, style: Style) -> list[CoeffLine]:
         types = tuple(type_range(model, kind, w, c.where) for w in c.words[:width])
         if width == 2 and types[0].lo == types[0].hi and types[1].lo == types[1].hi and types[0].lo > types[1].lo:
             types = types[::-1]
+        if width == 2 and types[1].hi is not None and types[1].hi < types[0].lo:
+            raise c.error(
+                f"pair_coeff {' '.join(c.words[:2])} sets no pair of types, as LAMMPS takes those whose first type is "
+                f"not the larger one: write pair_coeff {c.words[1]} {c.words[0]}"
+            )
         out.append(CoeffLine(types, c.words[width:], c.where))
     return out
 
@@ -237,7 +250,7 @@ def builder(kind: str, name: str, where: str):
 
 def _input(model: Model, style: Style, lines, n_types: int, **more) -> StyleInput:
     own = {key: getattr(style, key) for key in ("kind", "name", "args", "where")}
-    of_all = {key: getattr(model, key) for key in "units folder dielectric labels masses notes pairs".split()}
+    of_all = {key: getattr(model, key) for key in "units folder dielectric charmm labels masses notes pairs".split()}
     return StyleInput(coeffs=tuple(lines), n_types=n_types, **own, **of_all, **more)
 
 

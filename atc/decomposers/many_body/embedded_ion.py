@@ -17,7 +17,7 @@ from .elements import ElementMap, not_as_wanted, of_each_type, require_among, wh
 from .embedded_atom import _place, cubic, spline
 from .neighbor_work import OUTER_PER_TASK, NeighborTerm, NeighborWork, shares
 from .neighborhood import around, between_sharing_neighbors, share_half
-from .parameter_file import numbers, read_parameter_file, same_units, word_lines
+from .parameter_file import energy_conversion, numbers, read_parameter_file, word_lines
 
 # LAMMPS's tables: so many points from 0 to the largest cutoff.
 _POINTS = 5000
@@ -42,10 +42,10 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
 
     Raises
     ------
-    AtcError for a missing or malformed file, missing elements or pairs.
+    AtcError for a missing or malformed file, missing elements or pairs, units that cannot be converted.
     """
     text = read_parameter_file(path, "EIM", where)
-    same_units(text, units_name, path, "EIM")
+    factor = energy_conversion(text, units_name, path)
     bounds, chi, mass, pairs = None, {}, {}, {}
     words: list[str] = []
     first = 0
@@ -64,6 +64,7 @@ def read_eim(path, names, units_name: str = "metal", where: str = "") -> EIMPara
             v = dict(zip(_PAIR, numbers(rest[2:], _PAIR, at), strict=True))
             if v["p"] not in (1, 2) or v["beta"] == v["alpha"] or not v["re"] > 0:
                 raise AtcError(f"{at}: p must be 1 or 2, alpha and beta different, r_e positive")
+            v |= {key: v[key] * factor for key in ("Eb", "A_psi")}
             pairs[tuple(sorted((names.index(rest[0]), names.index(rest[1]))))] = v
         elif kind not in ("element:", "pair:"):
             raise AtcError(f"{at}: expected global:, element: or pair: in an EIM file, got {kind!r}")

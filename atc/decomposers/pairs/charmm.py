@@ -17,9 +17,6 @@ from .radial import ChargedStyle, RadialStyle, four_cutoffs, inner_below_outer, 
 _lj = LennardJones.law
 _LJ = (("epsilon", "energy"), ("sigma", "length"), ("inner", "length"), ("cutoff", "length"))
 
-# CHARMM's own Coulomb constant in kcal/mol Å/e², which LAMMPS takes for the force-shifted styles in units real.
-_CHARMM_CONSTANT = 332.0716
-
 
 class LennardJonesCharmm(RadialStyle):
     """U = 4ε[(σ/d)¹² − (σ/d)⁶] S(d), the Lennard-Jones part of LAMMPS ``lj/charmm/coul/charmm``.
@@ -158,14 +155,6 @@ class OneFour:
         self.inverse_cutoff = 1 / coulomb
 
 
-def charmm_constant(inp: StyleInput, shifted: bool) -> float:
-    """C/ε of the style."""
-    constant = inp.units.coulomb
-    if shifted and inp.units.name == "real":
-        constant = _CHARMM_CONSTANT * inp.units.energy * inp.units.length / inp.units.factor("charge") ** 2
-    return constant / inp.dielectric
-
-
 def charmm_coefficients(inp: StyleInput, inner, outer):
     """Arrays epsilon, sigma, inner, outer (0 where the style does not act), epsilon_14, sigma_14, and 1 where it
     acts."""
@@ -220,7 +209,6 @@ def _force_switched(inp: StyleInput):
     *lj, e14, s14, on = charmm_coefficients(inp, inner, outer)
     style = LennardJonesCharmmFSW.internal(*lj)
     charges = CoulombCharmmFSH.of(inp, on * rc)
-    charges.constant = charmm_constant(inp, True)
     style.one_four = OneFour(e14, s14, charges.constant, cutoffs=(inner, outer, rc))
     return [style, charges]
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...compiled import njit
+from ..registry import StyleInput, pair_style
 from .loop import pair_law
 from .radial import RadialStyle, mix_lj_distances, one_cutoff
 
@@ -44,13 +45,22 @@ class Colloid(RadialStyle):
         return _two_spheres(np.sqrt(d2), A, sigma, a1, a2)
 
 
-one_cutoff(
+_from_lines = one_cutoff(
     Colloid,
     mix=mix_lj_distances,
     check=lambda *v: (
         None if v[1] > 0 and v[2] >= 0 and v[3] >= 0 else "sigma must be positive and the diameters not negative"
     ),
 )
+
+
+@pair_style("colloid")
+def _colloid_style(inp: StyleInput):
+    style = _from_lines(inp)
+    for line in inp.coeffs:
+        if any(i == j for i, j in line.covers(inp.n_types)) and float(line.words[2]) != float(line.words[3]):
+            raise inp.wrong(f"{inp.command}: d1 and d2 must be equal for a type with itself", line)
+    return style
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -137,11 +137,6 @@ class CoulombWolf(_Damped):
         return c / d * (erfc_ - e_shift * d), -(c / d) * slope
 
 
-def coulomb_constant(inp: StyleInput) -> float:
-    """C/ε of the model, internal units."""
-    return inp.units.coulomb / inp.dielectric
-
-
 @pair_style("coul/cut", "coul/cut/global")
 def _coul_cut_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [CUTOFF])
@@ -164,7 +159,7 @@ def wanted_pairs(inp: StyleInput):
 def _damped(cls, *names):
     def build(inp: StyleInput):
         alpha, rc = inp.numbers(inp.args, [("alpha", {"length": -1}), ("cutoff", "length")])
-        return cls.everywhere(named(inp) > 0, alpha, positive(inp, rc), coulomb_constant(inp))
+        return cls.everywhere(named(inp) > 0, alpha, positive(inp, rc), inp.coulomb)
 
     pair_style(*names)(build)
 

@@ -19,10 +19,9 @@ from .charmm import (
     LennardJonesCharmmFSW,
     OneFour,
     charmm_coefficients,
-    charmm_constant,
     three_cutoffs,
 )
-from .coulomb import coulomb_constant, positive, wanted_pairs
+from .coulomb import positive, wanted_pairs
 from .input import named
 from .inverse_powers import NM, Class2, _exponents
 from .lennard_jones import LennardJones, mix_lj
@@ -97,10 +96,9 @@ def _long(types, i, j, d2, weights, table, near2, lost2, constant, alpha, q, U, 
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def long_style(inp: StyleInput, cutoff: float, constant: float | None = None) -> CoulombLong:
-    """A composite style's ``coul/long`` part; `constant` where it is not LAMMPS's."""
-    constant = coulomb_constant(inp) if constant is None else constant
-    style = CoulombLong(wanted_pairs(inp), Split.of(positive(inp, cutoff), constant, ACCURACY))
+def long_style(inp: StyleInput, cutoff: float) -> CoulombLong:
+    """A composite style's ``coul/long`` part."""
+    style = CoulombLong(wanted_pairs(inp), Split.of(positive(inp, cutoff), inp.coulomb, ACCURACY))
     style.run_table = inp.modify.table
     return style
 
@@ -134,10 +132,9 @@ def _charmm_long(name, cls, shifted):
         inner, outer, rc = three_cutoffs(inp)
         *lj, e14, s14, _ = charmm_coefficients(inp, inner, outer)
         style = cls.internal(*lj)
-        constant = charmm_constant(inp, shifted)
         # Dihedral style charmmfsw leaves the charges of its pairs alone here.
-        style.one_four = OneFour(e14, s14, constant, cutoffs=(inner, outer, np.inf) if shifted else None)
-        return [style, long_style(inp, outer if rc is None else rc, constant)]
+        style.one_four = OneFour(e14, s14, inp.coulomb, cutoffs=(inner, outer, np.inf) if shifted else None)
+        return [style, long_style(inp, outer if rc is None else rc)]
 
     pair_style(name)(build)
 

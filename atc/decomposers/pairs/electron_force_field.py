@@ -114,7 +114,7 @@ def _eff_style(inp: StyleInput):
     cutoff = one_cutoff_each(inp, rc)
     inp.note("forces of electrons are those at the sizes that the frames show")
     hbar2_m = _HBAR2_OVER_M[inp.units.name] * inp.units.factor("energy") * inp.units.length**2
-    return ElectronForceField(cutoff, inp.units.coulomb / inp.dielectric, hbar2_m, "limit/eradius" in more)
+    return ElectronForceField(cutoff, inp.coulomb, hbar2_m, "limit/eradius" in more)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

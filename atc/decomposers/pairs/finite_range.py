@@ -8,7 +8,7 @@ import numpy as np
 from ..registry import StyleInput, pair_style
 from .input import fill, pair_values
 from .loop import pair_law
-from .radial import RadialStyle, one_cutoff
+from .radial import RadialStyle, mix_lj_distances, one_cutoff
 
 _PLAIN = "dimensionless"
 #: Closer than this LAMMPS counts no energy of a DPD pair.
@@ -142,7 +142,7 @@ def _cosine_squared_style(inp: StyleInput):
 @pair_style("harmonic/cut")
 def _harmonic_cut_style(inp: StyleInput):
     inp.numbers(inp.args, [])
-    return HarmonicCut.internal(*pair_values(inp, HarmonicCut.numbers, mix=None))
+    return HarmonicCut.internal(*pair_values(inp, HarmonicCut.numbers, mix=mix_lj_distances))
 
 
 # Style: numbers in front of the cutoff on the pair_style line, and numbers of a pair_coeff line in front of its cutoff;

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..registry import StyleInput, pair_style
+from .coulomb import wanted_pairs
 from .input import mix_distance, mix_energy, pair_values
 from .loop import pair_law
 from .radial import RadialStyle, mix_lj_distances, one_cutoff
@@ -97,13 +98,14 @@ one_cutoff(GaussCut, mix=_mix_gauss_cut, check=lambda *v: None if v[2] > 0 else 
 def _born_gauss_style(inp: StyleInput):
     (rc,) = inp.numbers(inp.args, [BornGauss.numbers[-1]])
     *numbers, cutoff = pair_values(inp, BornGauss.numbers, optional=1, defaults=[rc])
-    if (cutoff[cutoff > 0] != rc).any():
+    on = wanted_pairs(inp)
+    if (cutoff[on] != rc).any():
         # LAMMPS (22 Jul 2025) reads them and goes on with the global one; measured, not documented.
         inp.note(
             "pair_style born/gauss: cutoffs on pair_coeff lines are without effect, as in LAMMPS: the one of the "
             "pair_style line holds"
         )
-    return BornGauss.internal(*numbers, np.where(cutoff > 0, rc, 0.0), shift=inp.modify.shift)
+    return BornGauss.internal(*numbers, np.where(on, rc, 0.0), shift=inp.modify.shift)
 
 
 one_cutoff(UhlenbeckFord, mix=mix_lj_distances, check=lambda *v: None if v[1] > 0 else "sigma must be positive")

@@ -87,11 +87,16 @@ class Class2(_Powers):
 
 
 #: form: (n, m, prefactor that puts the minimum at −ε)
-SPICA_FORMS = {"lj9_6": (9, 6, 27 / 4), "lj12_4": (12, 4, 1.5 * np.sqrt(3.0)), "lj12_6": (12, 6, 4.0)}
+SPICA_FORMS = {
+    "lj9_6": (9, 6, 27 / 4),
+    "lj12_4": (12, 4, 1.5 * np.sqrt(3.0)),
+    "lj12_6": (12, 6, 4.0),
+    "lj12_5": (12, 5, 12 / 7 * 2.4 ** (5 / 7)),
+}
 
 
 class Spica(_Powers):
-    """U = C ε[(σ/d)^n − (σ/d)^m] − offset with (n, m) 9-6, 12-4 or 12-6 by pair of types (LAMMPS ``lj/spica``,
+    """U = C ε[(σ/d)^n − (σ/d)^m] − offset with (n, m) 9-6, 12-4, 12-6 or 12-5 by pair of types (LAMMPS ``lj/spica``,
     ``lj/sdk``).
 
     Numbers: n, m, prefactor C, epsilon, sigma, cutoff; see `RadialStyle`.

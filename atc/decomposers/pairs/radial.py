@@ -136,7 +136,7 @@ class ChargedStyle(LawStyle):
         """From (n_types + 1, n_types + 1) arrays of `numbers`, internal units, with the constant of the lines'
         units."""
         style = cls.internal(*arrays)
-        style.constant = inp.units.coulomb / inp.dielectric
+        style.constant = inp.coulomb
         return style
 
     def fill(self, *numbers, shift):

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...compiled import njit
 from ...errors import AtcError
+from ...readers.lammps.sections import number_of
 from ..numbering import pair_codes
 
 _PRESETS = {
@@ -169,11 +170,8 @@ class _Weights:
 
 
 def _three(words, key, where):
-    try:
-        out = tuple(float(w) for w in words)
-    except ValueError:
-        out = ()
-    if len(out) != 3 or not all(0.0 <= w <= 1.0 for w in out):
+    out = tuple(number_of(w) for w in words)
+    if len(out) != 3 or not all(w is not None and 0.0 <= w <= 1.0 for w in out):
         raise AtcError(
             f"{where}: special_bonds {key} needs three weights between 0 and 1, got {' '.join(words) or 'nothing'}"
         )

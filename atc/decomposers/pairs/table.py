@@ -39,7 +39,7 @@ def read_section(path: Path, keyword: str) -> TableSection:
     Raises AtcError for a missing section or parameter, too few lines, or entries that are not numbers.
     """
     ends = ("lo", "hi")
-    known = {"R": ends, "RSQ": ends, "FP": ends, "FPRIME": ends}
+    known = {"R": ends, "RSQ": ends, "FPRIME": ends}
     given, data = read_table(path, keyword, "pair", known, lambda given: ("r", "energy", "force"))
     r, e, f = (np.ascontiguousarray(column) for column in data.T)
     spacing = next((key for key in reversed(given) if key in ("R", "RSQ")), None)
@@ -51,7 +51,7 @@ def read_section(path: Path, keyword: str) -> TableSection:
         r = np.sqrt(lo**2 + (hi**2 - lo**2) * t)
     if not (np.diff(r) > 0).all() or r[0] <= 0:
         raise AtcError(f"{path}: the distances of section {keyword} must be positive and increase from line to line")
-    return TableSection(r, e, f, spacing, lo, hi, given.get("FPRIME", given.get("FP")), given["UNITS"])
+    return TableSection(r, e, f, spacing, lo, hi, given.get("FPRIME"), given["UNITS"])
 
 
 class Table(PairStyle):

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..registry import StyleInput, pair_style
 from .buckingham import Born, Buckingham, positive_rho
-from .coulomb import CoulombCut, CoulombDSF, CoulombDSFExact, CoulombWolf, coulomb_constant, positive, wanted_pairs
+from .coulomb import CoulombCut, CoulombDSF, CoulombDSFExact, CoulombWolf, positive, wanted_pairs
 from .input import fill, mix_distance
 from .inverse_powers import NM, Class2
 from .lennard_jones import LennardJones, mix_lj
@@ -85,7 +85,7 @@ def _with_damped(names, cls, damped, mix=None, check=None):
 
     def build(inp: StyleInput):
         alpha, rc, rcoul = both_cutoffs(inp, inp.args, [("alpha", {"length": -1})])
-        coulomb = damped.everywhere(wanted_pairs(inp), alpha, positive(inp, rcoul), coulomb_constant(inp))
+        coulomb = damped.everywhere(wanted_pairs(inp), alpha, positive(inp, rcoul), inp.coulomb)
         return [cls.of(inp, *short_values(inp, cls.numbers, rc, mix, check)), coulomb]
 
     pair_style(*names)(build)
