@@ -80,9 +80,7 @@ def sampled_well(case, k, material, body) -> None:
         f"{case.where('body', 'horizon')}: [body] horizon: {body.horizon / body.spacing:.4g} spacings sample "
         f"{table['model']} so coarsely that elastic constants are up to {100 * off:.2g} % off those of its moduli"
     )
-    advice = "a larger horizon in spacings" + (
-        ', surface_correction = "energy"' if hasattr(material, "surface_correction") else ""
-    )
+    advice = 'a larger horizon in spacings, surface_correction = "energy"'
     if not off <= MODULI_REFUSE and table["model"] != "pmb":
         raise AtcError(f"{said}: take {advice}, correspondence or bond-associated")
     warnings.warn(f"{said}; more accurate are {advice}, correspondence or bond-associated", AtcWarning, stacklevel=4)
