@@ -87,8 +87,8 @@ class Case(Document):
         if key not in ("poisson", "shear") or not bond_based(table.get("model")):
             return ""
         return (
-            f"bonds of {table['model']} fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps for "
-            "another ratio"
+            f"bonds of {table['model']} fix Poisson's ratio at 1/4 (plane stress 1/3): one modulus is all; take lps "
+            "for another ratio"
         )
 
     def _keys(self, path, table):

@@ -101,25 +101,9 @@ class CorrespondenceModel(ForceModel):
         self.g_active_n = np.where(whole, self.g_n, 0.0)
 
     def _tensors(self, z, intact_b, reference, out):
-        t, bl = self.table, self.blocks
-        self.crew.run(
-            _tensors,
-            bl.count,
-            bl.edges,
-            bl.lo,
-            bl.hi,
-            bl.offset,
-            t.start_n,
-            t.j_b,
-            t.image_b,
-            self.images,
-            z,
-            self.W_b,
-            intact_b,
-            reference,
-            self.tensor_buf,
-        )
-        self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, self.tensor_buf, out, np.zeros(0), False)
+        bl, buf = self.blocks, self.tensor_buf
+        self.over_blocks(_tensors, self.table, z, self.W_b, intact_b, reference, buf)
+        self.crew.nodes(collect, self.n, bl.lo, bl.hi, bl.offset, buf, out, np.zeros(0), False)
 
     def _states(self, z, intact_b):
         self._shape(z, intact_b)

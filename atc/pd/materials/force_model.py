@@ -224,6 +224,12 @@ class ForceModel:
         ]
         return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
+    def over_blocks(self, kernel, rows, z, *more):
+        """Run a kernel over the bonds in `rows` (a `Standing`, or the table), block by block."""
+        bl = self.blocks
+        bonds = rows.start_n, rows.j_b, rows.image_b
+        self.crew.run(kernel, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, *bonds, self.images, z, *more)
+
     def walk(self, z, rows, gather, law, data, F_nc, smin_n, damage, seen=None):
         """What `forces` returns, by a law of `rows.force_loop` that sees `seen` of the nodes, by default z."""
         gone = self.pull(rows, gather, law, z if seen is None else seen, data, F_nc, smin_n, damage)

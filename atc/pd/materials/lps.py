@@ -199,12 +199,9 @@ class StateModel(ForceModel):
 
     def extend(self, z, t, r0, W):
         """Extensions of the bonds `t` into e_b, S into S_n; current positions and A into y_nk."""
-        bl = self.blocks
-        self.crew.run(
-            _extensions, bl.count, bl.edges, bl.lo, bl.hi, bl.offset, t.start_n, t.j_b, t.image_b, self.images, z, r0,
-            W, self.guard, t.intact_b, self.e_b, self.scalar_buf,
-        )  # fmt: skip
-        self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, self.scalar_buf, z, self.h_n, self.S_n, self.y_nk)
+        bl, buf = self.blocks, self.scalar_buf
+        self.over_blocks(_extensions, t, z, r0, W, self.guard, t.intact_b, self.e_b, buf)
+        self.crew.nodes(_gather_up, self.n, bl.lo, bl.hi, bl.offset, buf, z, self.h_n, self.S_n, self.y_nk)
 
     def lost(self, z, which):
         """The energy that left with bonds `which`: their own shares, and what their nodes' dilatations were worth (S_n
