@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from decomposer_checks import agrees_with_lammps, potential, sources_are_derivatives
-from lammps_oracle import Config
+from lammps_oracle import Config, run_lammps
 from test_decomposers_dihedral import CELLS, lines_of, one
 
 import atc
@@ -105,6 +105,26 @@ def test_walk_through_the_plane(style):
         np.testing.assert_allclose(up.forces_nc, down.forces_nc * [1, 1, -1], rtol=0, atol=1e-13)
         assert np.abs(up.forces_nc - plane.forces_nc).max() <= 3000 * h + 1e-12
         assert abs(up.energy - plane.energy) <= 3000 * h * h + 1e-12
+
+
+@pytest.mark.parametrize("h", [1e-3, 3e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("style", ["inversion/harmonic", "class2"])
+@pytest.mark.parametrize("place", ["flat", "upright"])
+def test_slopes_beside_planes_and_upright_arms(place, style, h):
+    """Down to where rounding ends it the force is the slope of the energy, as in LAMMPS."""
+    x = flat(h) if place == "flat" else np.array([[0.0, 0, 0], [1, 0, 0], [0.1, 1.2, 0], [h, 0.3 * h, 1.1]])
+    lines = f"improper_style {style}\nimproper_coeff 1 10 {30 if style[0] == 'i' else 0}"
+    if style == "class2":
+        x, lines = x[[1, 0, 2, 3]], lines + "\nimproper_coeff 1 aa 1 2 3 120 110 115"
+    config = Config(np.diag([12.0, 12, 12]), x + 5.0, units="real", impropers=[[0, 1, 2, 3]])
+    theirs = run_lammps("\n".join([*ZERO, lines]), config).forces_nc
+    frame = config.frame()
+    d = atc.potential(lines, "real").decompose(frame)
+    # Angles by their cosines: rounding is 1e-16/h² of them.
+    tolerance = max(1e-9, 1e-16 / h**2)
+    mine = frame.units.to_user("force", d.forces_nc)
+    np.testing.assert_allclose(mine, theirs, rtol=0, atol=tolerance * np.abs(theirs).max())
+    assert not d.notes
 
 
 def test_ridges_and_upright_arms():

@@ -20,6 +20,8 @@ from .topology import CrossTerms, MirrorError, RowTerm, degrees, energy, length,
 
 # The least sine or cosine that is divided by at a kink.
 _SMALL = 0.001
+# The same for inversion/harmonic and for the angles of class2, where LAMMPS has none: rounding is as large about here.
+_PLANE = 1e-8
 _HANDED = (
     "the pyramid and its mirror image differ in energy, so the term is not a function of distances and has no forces "
     "along bonds"
@@ -99,7 +101,7 @@ class InversionHarmonicImproper(PyramidImproper):
     lacks the third).
 
     Coefficients K [energy/rad²], ω0 [degrees]. Atom 1 is the apex. For ω0 ≠ 0 a planar figure is a ridge: sin ω is then
-    clamped at 0.001.
+    clamped at 1e-8.
     """
 
     name = "inversion/harmonic"
@@ -109,12 +111,12 @@ class InversionHarmonicImproper(PyramidImproper):
         K, omega0 = self.columns(types)
         U, G = 0.0, 0.0
         for axis in range(3):
-            s, cos = np.sqrt(p.sin2[axis]), np.maximum(np.sqrt(1.0 - p.sin2[axis]), _SMALL)
+            s, cos = np.sqrt(p.sin2[axis]), np.maximum(np.sqrt(1.0 - p.sin2[axis]), _PLANE)
             U = U + K / 3.0 * (np.arcsin(s) - omega0) ** 2
-            kink = np.where(omega0 != 0.0, omega0 / np.maximum(s, _SMALL), 0.0)
+            kink = np.where(omega0 != 0.0, omega0 / np.maximum(s, _PLANE), 0.0)
             acc.note(
-                "impropers in a plane they do not prefer, where sin omega was clamped at 0.001",
-                int(((s < _SMALL) & (omega0 != 0)).sum()),
+                "impropers in a plane they do not prefer, where sin omega was clamped at 1e-8",
+                int(((s < _PLANE) & (omega0 != 0)).sum()),
             )
             G = G + (K / 3.0 * (asin_over_sine(p.sin2[axis]) - kink) / cos)[:, None] * p.sin2_e[axis]
         return U, G
@@ -215,7 +217,7 @@ class Class2Improper(CrossTerms, OrientedImproper):
         # plane.
         omega_over_V = (asin_over_sine(p.sin2) * p.scale).sum(axis=0)
         U = K / 9.0 * p.V2 * omega_over_V**2
-        cos = np.maximum(np.sqrt(1.0 - p.sin2), _SMALL)
+        cos = np.maximum(np.sqrt(1.0 - p.sin2), _PLANE)
         G = np.einsum("kt,kte->te", K / 9.0 * omega_over_V / p.scale / cos, p.sin2_e)
         sin = np.sqrt(1.0 - p.cos**2)
         slope = -1.0 / np.maximum(sin, _SMALL)
