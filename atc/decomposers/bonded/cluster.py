@@ -111,8 +111,9 @@ class ClusterWork(Work):
         return self.term.evaluate(x, types, U, G, acc)
 
     def positions(self, atoms) -> np.ndarray:
-        """(m, K, 3) relative to each tuple's `origin`; every atom at the image closest to the one before it, as LAMMPS
-        does for bonded terms."""
+        """(m, K, 3) relative to each tuple's `origin`; every atom at the image closest to the one before it. (LAMMPS
+        takes the images closest to the tuple's second atom: others only in a box less than twice as wide as its
+        tuples.)"""
         x = np.zeros((*atoms.shape, 3))
         step = np.empty((len(atoms), 3))
         for k in range(1, atoms.shape[1]):
