@@ -161,3 +161,27 @@ def test_kernels_are_compiled_through_one_door():
     for file in (ROOT / "atc").rglob("*.py"):
         if file.name != "compiled.py" and "cache=True" in file.read_text():
             assert "from numba import njit" not in file.read_text() and "nb.njit" not in file.read_text(), file
+
+
+def test_numba_is_as_before_once_it_has_compiled():
+    """What is remembered of signatures is used while numba compiles and not after, and knows options and types apart."""
+    import math
+
+    from numba.core import types
+
+    from atc.compiled import njit
+    from atc.simd import greater, lesser
+
+    @njit(error_model="numpy")
+    def f(a, b):
+        return a + b, lesser(a, b), greater(a, b), a // b
+
+    @njit(error_model="python")
+    def g(a, b):
+        return a // b
+
+    assert f(7, 2) == (9, 2, 7, 3) and f(7.5, 2.0) == (9.5, 2.0, 7.5, 3.0)
+    assert f(-1, 2)[1:3] == (-1, 2) and not math.isfinite(f(1.0, 0.0)[3])
+    with pytest.raises(ZeroDivisionError):
+        g(1.0, 0.0)
+    assert "get_call_type" not in vars(types.Function)

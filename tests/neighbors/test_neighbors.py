@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from atc.errors import AtcError
 from atc.frame import Cell
-from atc.neighbors.cell_list import neighbor_list
+from atc.neighbors.cell_list import neighbor_list, sorted_by_bin
 
 CELLS = {
     "orthogonal": np.diag([10.0, 12.0, 9.0]),
@@ -154,3 +154,13 @@ def test_a_cell_without_thickness_is_refused():
     v = np.array([[4.0, 1.0, 0.0], [-1.0, 5.0, 0.0], [3.3, 4.5, 0.002]])
     with pytest.raises(AtcError, match="nearly flat"):
         neighbor_list(np.zeros((1, 3)), Cell(v), 9.7)
+
+
+@pytest.mark.parametrize("many", [1, 300, 1 << 16, 70_000, 1 << 20])
+def test_sorted_by_bin(many):
+    """Against one stable sort, also where bins have more numbers than sixteen bits."""
+    bins = np.random.default_rng(many).integers(0, many, 5000)
+    bins[:2] = many - 1
+    order, start = sorted_by_bin(bins, many)
+    assert (order == np.argsort(bins, kind="stable")).all()
+    assert (start == np.searchsorted(bins[order], np.arange(many + 1))).all()
