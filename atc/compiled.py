@@ -141,16 +141,23 @@ class _Quicker(event.Listener):
         if not self._depth:
             self._on = gc.isenabled()
             gc.disable()
-            types.Function.get_call_type = _call_type
+            if _AS_KNOWN:
+                types.Function.get_call_type = _call_type
         self._depth += 1
 
     def on_end(self, event):
         self._depth -= 1
         if not self._depth:
-            del types.Function.get_call_type  # that of its base again
+            if _AS_KNOWN:
+                del types.Function.get_call_type  # that of its base again
             if self._on:
                 gc.enable()
 
+
+#: Whether numba is built as `_call_type` takes it to be (0.59 to 0.68 are); if not, nothing of it is replaced.
+_AS_KNOWN = (
+    "get_call_type" not in vars(types.Function) and {"get_call_type", "get_impl_key"} <= vars(types.BaseFunction).keys()
+)
 
 # Signatures of functions for types of arguments: those found under each set of options, as some are compiled with them.
 _found: dict = {}
