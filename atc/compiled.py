@@ -142,7 +142,7 @@ class _Quicker(event.Listener):
             self._on = gc.isenabled()
             gc.disable()
             if _AS_KNOWN:
-                types.Function.get_call_type = _call_type
+                types.Function.get_call_type = _call_type  # type: ignore[method-assign]
         self._depth += 1
 
     def on_end(self, event):

@@ -288,7 +288,7 @@ def _segments(b, c0, home, columns, nb, vectors, periodic, start, lo, hi, shift)
         end = bz + m
         while z <= end:
             sz = z // n2
-            last = lesser(end, (sz + 1) * n2 - 1)
+            last = lesser(end, (sz + 1) * n2 - 1)  # type: ignore[call-arg, var-annotated]  # as all of numba's intrinsics
             if sz == 0 or periodic[2]:
                 off = sz * n2
                 at = start[base + z - off]
