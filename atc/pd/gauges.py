@@ -15,9 +15,6 @@ import numpy as np
 
 from ..errors import AtcError
 
-#: Materials whose stress is that of their elastic constants and the strain of now.
-ELASTIC = ("pmb", "lps", "elastic", "correspondence")
-
 
 def strain_gauge(sim, points, normals=None, *, reach=5.0, degree=3):
     """Small strain and stress at points.
@@ -44,8 +41,10 @@ def strain_gauge(sim, points, normals=None, *, reach=5.0, degree=3):
     if not (degree >= 1 and int(degree) == degree and reach > 0):
         raise AtcError(f"a gauge needs reach > 0 and a whole degree of 1 or more, got {reach!r} and {degree!r}")
     for m in sim.materials.values():
-        if m.name not in ELASTIC:
-            raise AtcError(f"gauge: the stress of {m.name} is not that of its strain alone: take {', '.join(ELASTIC)}")
+        if not (m.elastic and m.springs):
+            raise AtcError(
+                f"gauge: the stress of {m.name} is not that of its strain alone: take pmb, lps, correspondence"
+            )
     if sim.model.rest_b is not None:
         raise AtcError("gauge: of a body with a temperature the strain is not elastic alone: none is computed")
     if normals is not None:

@@ -20,6 +20,7 @@ class Material:
     model: type[ForceModel]  # what computes its forces; given where that is defined, below the material
     by_numbers = True  # whether constants alone define it
     springs = True  # whether the energy of a bond grows like the square of its stretch
+    elastic = False  # whether its stress is that of its constants and the strain of now, where that is small
     directed = False  # whether its influence function may be one of the bond's vector
     volume_correction = True
     surface_correction = None

@@ -37,6 +37,7 @@ class Correspondence(Isotropic):
     """
 
     name = "correspondence"
+    elastic = True
     directed = True
 
     def __init__(

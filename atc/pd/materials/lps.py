@@ -40,6 +40,7 @@ class LPS(Isotropic):
     """
 
     name = "lps"
+    elastic = True
 
     def __init__(
         self,

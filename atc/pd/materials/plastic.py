@@ -35,6 +35,7 @@ class Plastic(LPS):
     """
 
     name = "plastic"
+    elastic = False
 
     def __init__(
         self,

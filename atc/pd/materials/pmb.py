@@ -58,6 +58,7 @@ class PMB(Material):
     """
 
     name = "pmb"
+    elastic = True
     law = staticmethod(linear)
     stiffening = 1.0
 

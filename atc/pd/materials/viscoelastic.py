@@ -31,6 +31,7 @@ class Viscoelastic(LPS):
     """
 
     name = "viscoelastic"
+    elastic = False
 
     def __init__(
         self,
