@@ -91,9 +91,8 @@ class Document:
         try:
             data = parse(text)
         except tomllib.TOMLDecodeError as e:
-            if Path(name).suffix not in (".toml", ""):
-                raise AtcError(f"{name}: is not a {cls.what} (a TOML file){cls.begun_by}") from None
-            raise AtcError(complaint(name or cls.what, text, e)) from None
+            instead = "" if Path(name).suffix in (".toml", "") else cls.begun_by
+            raise AtcError(complaint(name or cls.what, text, e) + instead) from None
         return cls(data, Path(folder), name, key_lines(text), text=text)._made(overrides)
 
     def instead(self, data, overrides=None) -> Self:

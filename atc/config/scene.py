@@ -35,7 +35,7 @@ class Scene(Document):
 
     what = "scene"
     example = "kernel.radius=10"
-    begun_by = "; of a trajectory, atc init writes one"
+    begun_by = "; of a trajectory, atc init writes a scene"
     tables = SCHEMA
 
     #: (what it was made from, potential), the last one read

@@ -349,7 +349,7 @@ def test_unreadable_scene(tmp_path, content, word):
     with pytest.raises(AtcError, match=word):
         Scene.load(path)
     (tmp_path / "run.dump").write_text("ITEM: TIMESTEP\n0\n")
-    with pytest.raises(AtcError, match=r"run\.dump: is not a scene .*atc init"):
+    with pytest.raises(AtcError, match=r"run\.dump:1: .*TOML.*atc init writes a scene"):
         Scene.load(tmp_path / "run.dump")
     with pytest.raises(AtcError, match="directory"):
         Scene.load(tmp_path)
