@@ -20,8 +20,9 @@ from ..pictures.components import component
 from ..pictures.drawing import kernel_title, require_frame
 from ..pictures.geometry import points_of_grid
 from ..running.opening import load, of_species
+from ..running.output import plain
 from ..units.words import NotAUnit, in_units, unit_of
-from .comparison import POINTWISE, RELATIVE, SIX, Comparison, plain, side_by_side
+from .comparison import POINTWISE, RELATIVE, SIX, Comparison, side_by_side
 
 SHOWN = (*SIX, "hydrostatic", "vonmises")
 

@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import AtcError
 from ..pictures.comparison import compare_figure
 from ..pictures.drawing import save
+from ..running.output import plain
 from ..terminal import tell
 
 SIX = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -133,15 +134,6 @@ def _cell(column, v) -> str:
     if column in ("sigmas", "rms in std. errors"):
         return f"{v:.2g}"
     return f"{v:.5g}" if abs(v) < 1e6 else f"{v:.4e}"
-
-
-def plain(v):
-    """Numbers and arrays of numpy as Python's own; of anything else its text."""
-    if isinstance(v, np.ndarray):
-        return v.tolist()
-    if isinstance(v, np.generic):
-        return v.item()
-    return str(v)
 
 
 def side_by_side(

@@ -18,6 +18,7 @@ from ..estimators.cepstrum import zero_frequency
 from ..estimators.correlation import Plateau, mean_and_error, running_integral, segment_integrals
 from ..estimators.correlation import plateau as find_plateau
 from ..pictures.drawing import save
+from ..running.output import plain
 from ..terminal import tell
 from ..units import Units, units
 from .heat_currents import HeatCurrents, heat_currents, positive
@@ -111,9 +112,7 @@ class Conductivity:
 
     def json(self) -> str:
         """Everything as JSON, numbers unrounded."""
-        return json.dumps(
-            self.__dict__, indent=2, default=lambda v: v.tolist() if isinstance(v, (np.ndarray, np.generic)) else str(v)
-        )
+        return json.dumps(self.__dict__, indent=2, default=plain)
 
     def picture(self, path) -> Path:
         """Draw the correlation function and its integral; returns the path."""

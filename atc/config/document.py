@@ -154,7 +154,7 @@ class Document:
         return AtcError(f"{self.where(*map(str, path))}: [{path[0]}] {path[-1]}: {why}")
 
     def wrong(self, path: tuple, why) -> AtcError:
-        """An error at a section: `path` = (section,) or (section, number)."""
+        """An error of a section, said with the line of `path` = (section,), (section, number) or (section, key)."""
         return AtcError(f"{self.where(*path)}: [{path[0]}] {why}")
 
     @contextmanager

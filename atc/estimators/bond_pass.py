@@ -379,5 +379,5 @@ def bond_pass(frame, task: BondTask, to_reference=None, anchor=None, kept=None, 
     collector = BondCollector(frame, task, to_reference, **more)
     with nullcontext() if anchor is None else anchor.at(frame):
         decomposition = collector.stream(task.pot, kept)
-    notes = dict(getattr(decomposition, "notes", None) or {})
+    notes = dict(decomposition.notes)
     return BondPass(collector.totals(decomposition), collector.per_atom(decomposition), notes, kept)

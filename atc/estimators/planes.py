@@ -121,7 +121,7 @@ def _bonds_through(bound, frame, settings: Settings, work: Work, chosen) -> tupl
             **sources,
         )  # fmt: skip
     sums = by_name(work.bond, BOND, crossings.sums()) if work.bond else {}
-    return sums, PerAtom(found.energies_n if work.energy_users else None), dict(getattr(found, "notes", None) or {})
+    return sums, PerAtom(found.energies_n if work.energy_users else None), dict(found.notes)
 
 
 class Path:

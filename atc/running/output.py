@@ -93,6 +93,11 @@ def clean(attrs: dict) -> dict:
     }
 
 
+def plain(v):
+    """Numbers and arrays of numpy as Python's own; of anything else its text: what JSON can hold."""
+    return v.tolist() if isinstance(v, (np.ndarray, np.generic)) else str(v)
+
+
 def check_name(out) -> Path:
     """The output path, or an error that says which names are possible."""
     path = Path(out)

@@ -133,12 +133,12 @@ def notches_of(scene, get, length, dimension) -> list:
                 if dimension == 2
                 else "a corner and two edges, [x, y, z] each"
             )
-            raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notches: each is {wanted}")
+            raise scene.bad(("twin", "notches"), f"each is {wanted}")
         make = pd.Notch.line if dimension == 2 else pd.Notch
         try:
             make(*corners.tolist())  # complains in the user's numbers
         except AtcError as e:
-            raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notches: {e}") from None
+            raise scene.bad(("twin", "notches"), e) from None
         out.append(make(*(corners * length), as_damage=True))
     return out
 
@@ -148,24 +148,20 @@ def require_crossed(scene, body) -> None:
     counts = body.cuts if body.notches and len(body.bonds) else []
     for k, crossed in enumerate(counts):
         if not crossed:
-            raise AtcError(f"{scene.where('twin', 'notches')}: [twin] notch {k + 1} crosses no bond of the nodes")
+            raise scene.wrong(("twin", "notches"), f"notch {k + 1} crosses no bond of the nodes")
 
 
 def crack_of(scene, get, made, reference, kernel, bonds, sim, carried=None):
     """What follows the crack, where [twin] says along which direction it runs."""
     if get("crack_direction") is None:
         if get("crack_normal") is not None:
-            raise AtcError(f"{scene.where('twin', 'crack_normal')}: [twin] crack_normal needs crack_direction too")
+            raise scene.wrong(("twin", "crack_normal"), "crack_normal needs crack_direction too")
         return None
     if bonds is None:
-        raise AtcError(
-            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction: a crack is followed where bonds break: "
-            "fracture = true"
-        )
+        raise scene.bad(("twin", "crack_direction"), "a crack is followed where bonds break: fracture = true")
     if get("crack_normal") is None:
-        raise AtcError(
-            f"{scene.where('twin', 'crack_direction')}: [twin] crack_direction needs crack_normal too, the normal of "
-            "the crack's plane"
+        raise scene.wrong(
+            ("twin", "crack_direction"), "crack_direction needs crack_normal too, the normal of the crack's plane"
         )
     along, normal = (unit_vector(get(k), k) for k in ("crack_direction", "crack_normal"))
     return Crack(made, reference, kernel, bonds, sim, along, normal, orientation(scene), carried)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import AtcError
 from ..planar import planar
 from ..readers.planar import matched
 from ..upscaling.crystal import PLANAR_STRUCTURES, STRUCTURES, Crystal, relax
@@ -37,15 +36,15 @@ def inputs_of(scene) -> Inputs:
     traj, pot = matched(traj, scene.potential())
     d = traj.units.dimension
     if d == 2 and (scene.get("twin", "material", "isotropic") != "isotropic" or scene.get("twin", "reference_stress")):
-        raise AtcError(
-            f'{scene.where("twin", "material")}: [twin] the twin of a run in the plane is of material = "isotropic", '
-            "without reference_stress"
+        raise scene.wrong(
+            ("twin", "material"),
+            'the twin of a run in the plane is of material = "isotropic", without reference_stress',
         )
     grid = scene.grid()
     if grid.kind not in ("regular", "plane", "line", "points"):
-        raise AtcError(
-            f"{scene.where('grid', 'kind')}: [grid] kind: MD and PD are compared at the same points: take a regular, "
-            f"plane, line or points grid, not {grid.kind}"
+        raise scene.bad(
+            ("grid", "kind"),
+            f"MD and PD are compared at the same points: take a regular, plane, line or points grid, not {grid.kind}",
         )
     reference = scene.reference()
     reference = traj[0] if reference is None else planar(reference) if d == 2 else reference
@@ -59,24 +58,24 @@ def crystal_of(scene, get, reference, pot, units):
     """The crystal at rest under the potential."""
     structure, a = get("structure"), get("lattice_constant")
     if structure is None or a is None:
-        raise AtcError(
-            f'{scene.where("twin")}: [twin] needs structure and lattice_constant (a start), e.g. structure = "fcc" and '
-            "lattice_constant = 5.3"
+        raise scene.wrong(
+            ("twin",),
+            'needs structure and lattice_constant (a start), e.g. structure = "fcc" and lattice_constant = 5.3',
         )
     flat = units.dimension == 2
     if flat != (structure in PLANAR_STRUCTURES):
-        raise AtcError(
-            f"{scene.where('twin', 'structure')}: [twin] structure: a run in {'the plane' if flat else 'space'} has "
-            f"one of {', '.join(PLANAR_STRUCTURES if flat else STRUCTURES)}, not {structure}"
+        raise scene.bad(
+            ("twin", "structure"),
+            f"a run in {'the plane' if flat else 'space'} has "
+            f"one of {', '.join(PLANAR_STRUCTURES if flat else STRUCTURES)}, not {structure}",
         )
     kinds = np.unique(reference.types)
     masses = [float(units.to_user("mass", reference.masses[reference.types == t][0])) for t in kinds]
     if len(kinds) > 2 or (len(kinds) == 2 and structure != "diamond"):
         # Types that only name groups of the same atoms.
         if np.ptp(masses) > 1e-9 * max(masses):
-            raise AtcError(
-                f"{scene.where('twin')}: [twin] the run has atoms of {len(kinds)} masses, which {structure} has no "
-                "places for"
+            raise scene.wrong(
+                ("twin",), f"the run has atoms of {len(kinds)} masses, which {structure} has no places for"
             )
         masses = masses[:1]
     elif np.ptp(masses) == 0:
@@ -93,7 +92,7 @@ def indenter_of(scene, get, units):
     if not given:
         return None
     if missing := [k for k in keys if get(k) is None]:
-        raise AtcError(f"{scene.where('twin', given[0])}: [twin] {given[0]} needs {missing[0]} too")
+        raise scene.wrong(("twin", given[0]), f"{given[0]} needs {missing[0]} too")
     velocity = np.array(get("indenter_velocity", [0.0, 0.0, 0.0]), float)
     return (
         np.array(get(keys[0]), float) * units.length,

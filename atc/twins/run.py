@@ -9,7 +9,7 @@ from copy import copy
 import numpy as np
 
 from ..config.scene import Scene
-from ..errors import AtcError, AtcWarning, heard
+from ..errors import AtcWarning, heard
 from ..upscaling.crystal import evaluate
 from .body import body_of, body_of_atoms
 from .choice import atoms_horizon, horizon_of, orientation, twin_material
@@ -168,7 +168,7 @@ def _require_steps(scene, get, motion) -> None:
             stacklevel=4,
         )
     if motion == "static" and get("safety") is not None:
-        raise AtcError(f"{scene.where('twin', 'safety')}: [twin] safety: of steps in time, which a static twin has not")
+        raise scene.bad(("twin", "safety"), "of steps in time, which a static twin has not")
 
 
 def _held(scene, get, given, made):

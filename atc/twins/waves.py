@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 
 from .. import pd
-from ..errors import AtcError
 from ..frame import Cell
 from ..upscaling.branches import FRACTIONS, cubic_branches
 from ..upscaling.force_constants import signed_root
@@ -88,12 +87,11 @@ def add_twin(result, scene) -> NodeWaves:
     get = lambda key, default=None: scene.get("twin", key, default)  # noqa: E731
     kind = get("material", "isotropic")
     if kind == "smoothed" or get("nodes") == "atoms":
-        raise AtcError(
-            f"{scene.where('dispersion', 'twin')}: [dispersion] twin: nodes that carry or are the atoms have the "
-            "crystal's own waves: leave it out"
+        raise scene.bad(
+            ("dispersion", "twin"), "nodes that carry or are the atoms have the crystal's own waves: leave it out"
         )
     if result.fc is None:
-        raise AtcError(f"{scene.where('dispersion', 'twin')}: [dispersion] twin needs a [potential]")
+        raise scene.wrong(("dispersion", "twin"), "twin needs a [potential]")
     crystal, u = result.crystal, result.crystal.units
     spacing = u.to_internal("length", get("spacing") or u.to_user("length", np.linalg.norm(crystal.conventional[0])))
     edges = crystal.conventional / np.linalg.norm(crystal.conventional, axis=1)[:, None]

@@ -234,9 +234,8 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
         raise AtcError(f"{scene.where('dispersion')}: needs a [potential], a [trajectory] or both")
     for what, dimension in (("[trajectory]", traj and traj.units.dimension), ("[potential]", pot and pot.dimension)):
         if dimension == 2:
-            raise AtcError(
-                f"{scene.where('dispersion')}: [dispersion] is about crystals in three dimensions, but {what} is of a "
-                "two-dimensional run"
+            raise scene.wrong(
+                ("dispersion",), f"is about crystals in three dimensions, but {what} is of a two-dimensional run"
             )
     units = traj.units if traj is not None else pot.units
     crystal = _crystal_of(scene, get, traj, units)
@@ -245,7 +244,7 @@ def dispersion_of_scene(scene, *, progress=None) -> Dispersion:
     directions = [tuple(d) for d in get("directions", [list(d) for d in DIRECTIONS])]
     path = get("path")
     if path is not None and get("directions") is not None:
-        raise AtcError(f"{scene.where('dispersion', 'path')}: [dispersion] give path or directions, not both")
+        raise scene.wrong(("dispersion", "path"), "give path or directions, not both")
     out = dispersion(
         crystal,
         pot,
@@ -263,33 +262,25 @@ def _crystal_of(scene, get, traj, units) -> Crystal:
     cell = scene.path("dispersion", "unit_cell")
     if cell is not None:
         if get("structure") is not None:
-            raise AtcError(
-                f"{scene.where('dispersion', 'unit_cell')}: [dispersion] give structure or unit_cell, not both"
-            )
+            raise scene.wrong(("dispersion", "unit_cell"), "give structure or unit_cell, not both")
         frame = scene.read(cell, "unit_cell") if os.path.exists(cell) else None
         if frame is None:
-            raise AtcError(f"{scene.where('dispersion', 'unit_cell')}: [dispersion] unit_cell: there is no file {cell}")
+            raise scene.bad(("dispersion", "unit_cell"), f"there is no file {cell}")
         crystal = Crystal.from_frame(frame[0], name=cell.name)
         return primitive(crystal) if get("primitive") else crystal
     if get("primitive") is not None:
-        raise AtcError(
-            f"{scene.where('dispersion', 'primitive')}: [dispersion] primitive: of a unit_cell; cells of structure are "
-            "primitive"
-        )
+        raise scene.bad(("dispersion", "primitive"), "of a unit_cell; cells of structure are primitive")
     structure, a = get("structure"), get("lattice_constant")
     if structure is None or a is None:
         what = "structure" if structure is None else "lattice_constant"
-        raise AtcError(
-            f'{scene.where("dispersion")}: [dispersion] needs {what}, e.g. structure = "fcc" and lattice_constant = '
-            '5.3, or unit_cell = "cell.data"'
+        raise scene.wrong(
+            ("dispersion",),
+            f'needs {what}, e.g. structure = "fcc" and lattice_constant = 5.3, or unit_cell = "cell.data"',
         )
     masses = get("masses")
     if masses is None:
         if traj is None:
-            raise AtcError(
-                f"{scene.where('dispersion')}: [dispersion] needs masses, one for each atom of the basis, e.g. masses "
-                "= [39.948]"
-            )
+            raise scene.wrong(("dispersion",), "needs masses, one for each atom of the basis, e.g. masses = [39.948]")
         frame = traj[0]
         frame.require("masses", why="the dispersion")
         kinds = np.unique(frame.types)

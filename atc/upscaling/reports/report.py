@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import AtcError
-from ...running.output import explained
+from ...running.output import explained, plain
 from ...running.whole import write_dataset
 
 YES, ASSUMING, NO = "reproduces", "reproduces with an assumption", "does not reproduce"
@@ -130,7 +130,7 @@ class Report:
             path.write_text(page, encoding="utf-8")
             numbers = {"title": self.title, "claims": [asdict(c) for c in self.claims], **self.numbers}
             (self.folder / "numbers.json").write_text(
-                json.dumps(numbers, indent=1, default=_plain) + "\n", encoding="utf-8"
+                json.dumps(numbers, indent=1, default=plain) + "\n", encoding="utf-8"
             )
         return path
 
@@ -145,15 +145,6 @@ def _show(c) -> str:
     if isinstance(c, float):
         return f"{c:.5g}"
     return str(c)
-
-
-def _plain(value):
-    """What JSON cannot hold: numpy numbers and arrays, fractions."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    return str(value)
 
 
 def percent(value: float) -> str:
